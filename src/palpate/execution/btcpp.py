@@ -1,4 +1,4 @@
-"""BehaviorTree.CPP 4 XML, which Groot2 opens, of plans, running trees and the vocabulary."""
+"""BehaviorTree.CPP 4 XML of plans, running trees and the vocabulary, for Groot2."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ TYPES: dict[object, str] = {str: "std::string", bool: "bool", int: "int", float:
 
 
 def tree_xml(plan: Plan, words: Vocabulary) -> str:
-    """A plan as a BT.CPP 4 document, with the model of its nodes so that Groot2 knows them.
+    """A plan as a BT.CPP 4 document, with the model of its nodes for Groot2.
 
-    Arguments become ports; the buffers that primitives write and read become blackboard entries,
-    e.g. `gripper_forces="{gripper_forces}"`. Lists are separated by semicolons, as BT.CPP parses
-    them.
+    Arguments become ports. Buffers that primitives write and read become blackboard entries, e.g.
+    `gripper_forces="{gripper_forces}"`. Elements of lists are separated by semicolons, as BT.CPP
+    expects.
 
     Raises:
         InputError: the plan has no tree, or names an unknown node.
@@ -40,19 +40,22 @@ def tree_xml(plan: Plan, words: Vocabulary) -> str:
 
 
 def running_xml(root: Behaviour, numbers: Mapping[Behaviour, int]) -> str:
-    """A running tree for Groot2: every node under its type, with the number by which its statuses are
-    sent (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata)."""
+    """A running tree for Groot2.
+
+    Every node is written under its type, with the number that identifies it in status messages
+    (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata).
+    """
     document = Element("root", BTCPP_format="4")
     tree = SubElement(document, "BehaviorTree", ID=TREE_ID, _fullpath="")
     add_running_node(tree, root, numbers)
+    # Only the primitives of this tree: Groot2 needs no others.
     used = {type(leaf.primitive).__name__: type(leaf.primitive) for leaf in leaves(root)}
     document.append(nodes_model(Vocabulary(used)))
     return document_text(document)
 
 
 def tree_nodes_model(words: Vocabulary) -> str:
-    """The TreeNodesModel of a vocabulary: every primitive with its ports, their types and
-    descriptions."""
+    """The TreeNodesModel of a vocabulary: all primitives with their ports, types and descriptions."""
     root = Element("root", BTCPP_format="4")
     root.append(nodes_model(words))
     return document_text(root)
@@ -92,7 +95,7 @@ def add_composite(parent: Element, composite: Composite) -> Element:
 
 
 def set_ports(element: Element, primitive: type[Primitive], args: Mapping[str, Any]) -> None:
-    """A primitive's arguments and buffers."""
+    """Set a primitive's arguments and buffers as attributes of its element."""
     for name, value in args.items():
         if value is not None:
             element.set(name, port_value(value))
@@ -105,11 +108,13 @@ def nodes_model(words: Vocabulary) -> Element:
     model = Element("TreeNodesModel")
     for name, primitive in words.primitives.items():
         action = SubElement(model, "Action", ID=name)
+        # Arguments are input ports; a default is stated if there is one.
         for argument, field in primitive.model_fields.items():
             port = SubElement(action, "input_port", name=argument, type=port_type(field.annotation))
             if not field.is_required() and field.default is not None:
                 port.set("default", port_value(field.default))
             port.text = field.description
+        # Buffers are ports that refer to blackboard entries.
         for tag, buffer in (("input_port", primitive.reads), ("output_port", primitive.writes)):
             if buffer:
                 port = SubElement(action, tag, name=buffer, type=BUFFER_TYPE)
@@ -127,6 +132,7 @@ def port_type(annotation: Any) -> str:
     if origin is Literal:
         return port_type(type(arguments[0]))
     if origin in (Union, types.UnionType):
+        # An optional type has the port type of its other part; a true union is text.
         kinds = {port_type(a) for a in arguments if a is not type(None)}
         return kinds.pop() if len(kinds) == 1 else "std::string"
     return TYPES.get(annotation, "std::string")

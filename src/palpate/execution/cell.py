@@ -1,4 +1,4 @@
-"""Interfaces of a workplace and its driver, and the teaching of poses."""
+"""Interfaces of a workplace and of its driver, and the teaching of poses."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ if TYPE_CHECKING:
 
 
 DECIMALS = 4
-"""0.1 mm, and 0.1 mrad: finer than a hand can be guided."""
+"""Decimals of taught values: 0.1 mm and 0.1 mrad, finer than a hand can be guided."""
 LEVEL = math.cos(math.radians(10.0))
 """Cosine of the largest tilt of a hand that points down."""
 APART = 0.003
-"""Largest difference of a measured width from the scene's, m, as `CloseGripper` has it."""
+"""m, largest difference of a measured width from the scene's, as in `CloseGripper`."""
 
 
 class GuidedHand(Protocol):
@@ -52,7 +52,7 @@ class Lesson:
     Attributes:
         scene: D.
         objects, places: entries of poses.yaml.
-        others: its other sections.
+        others: other sections of the file.
     """
 
     scene: Scene
@@ -68,7 +68,7 @@ class Lesson:
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """The objects that are not taught yet."""
+        """Names of the objects that are not taught yet."""
         return tuple(name for name in self.scene.objects if name not in self.objects)
 
     @property
@@ -78,8 +78,9 @@ class Lesson:
         return {name: entries for name, entries in sections.items() if entries} | self.others
 
     def shown(self, name: str, pose_world_tcp: Pose, width: float | None = None) -> str:
-        """Enter an object, or a place, at the pose of the hand, with m between the fingers; return the
-        entry in words.
+        """Enter an object or a place at the pose of the hand; return the entry as text.
+
+        `width` is the opening of the fingers, m.
 
         Raises:
             InputError: the hand does not point down, or the object cannot be grasped from above.
@@ -93,7 +94,7 @@ class Lesson:
             return f"{name}: the hand at {_coordinates(pose_world_tcp)}"
         grasp = self.scene.symbols.resolve(f"{name}_pose")
         turned = yaw - _heading(grasp)
-        # The two fingers are alike: a hand grasps as well turned by half a turn.
+        # The two fingers are equal: a grasp turned by half a turn is the same grasp.
         turned -= math.pi * round(turned / math.pi)
         # The object keeps the pose in the hand that it has in the scene's grasp.
         pose_tcp_body = grasp.inverse() @ self.scene.body(name).pose_world
@@ -103,8 +104,10 @@ class Lesson:
         return self._enter(name, level @ pose_tcp_body, turned) + self._compare_width(name, width)
 
     def measured(self, name: str, x: float, y: float, yaw: float = 0.0) -> str:
-        """Enter the middle of an object: m ahead of the arm's base, m to its left, and the rad by which
-        it is turned from its pose in the scene; return the entry in words.
+        """Enter the middle of an object; return the entry as text.
+
+        `x` and `y` are m ahead of the arm's base and to its left. `yaw` is the turn in rad from the
+        object's pose in the scene.
 
         Raises:
             InputError: the scene has no such object.
@@ -113,9 +116,10 @@ class Lesson:
             raise unknown_name("object", name, self.scene.objects)
         body = self.scene.body(name)
         middle = self.scene.pose_world_base.apply(np.array([x, y, 0.0]))
+        # Rotation about the vertical by `yaw`, applied to the scene's attitude.
         half = Pose.of((0.0, 0.0, 0.0), (math.cos(yaw / 2), 0.0, 0.0, math.sin(yaw / 2)))
         turned = half @ Pose(np.zeros(3), body.pose_world.quaternion)
-        # From the middle of its shapes to the origin of its frame.
+        # Convert from the middle of its shapes to the origin of its frame.
         away = turned.apply(body.centre)
         place = [middle[0] - away[0], middle[1] - away[1], body.pose_world.position[2]]
         return self._enter(name, Pose(np.array(place), turned.quaternion), yaw)
@@ -129,8 +133,9 @@ class Lesson:
         return f"{name} at {_coordinates(pose)}, turned by {angle} from the scene's"
 
     def _compare_width(self, name: str, width: float | None) -> str:
-        """Compare the finger width, m, with the object's size in the scene, as a clause."""
+        """Text that compares the finger width, m, with the object's size in the scene."""
         size = self.scene.body(name).size[:2]
+        # Fully open fingers hold nothing, so their width says nothing about the object.
         if width is None or width > self.scene.arm.hand.opening - APART:
             return ""
         if (abs(size - width) <= APART).any():
@@ -141,6 +146,7 @@ class Lesson:
 
 def _heading(pose_world_tcp: Pose) -> float:
     """The yaw of `Pose.top_down`, rad, for a hand that points about down."""
+    # Angle of the tool's x axis in the plane, relative to that of yaw 0.
     reference = Pose.top_down((0.0, 0.0, 0.0), 0.0).rotation[:, 0]
     x, y = pose_world_tcp.rotation[:2, 0]
     return math.atan2(y, x) - math.atan2(reference[1], reference[0])
@@ -151,20 +157,19 @@ def _coordinates(pose: Pose) -> str:
     return f"({x:.3f}, {y:.3f}, {z:.3f}) m"
 
 
-# Interfaces of a workplace, and of the driver that makes those of one kind of real robot.
+# Interfaces of a workplace, and of the driver of one kind of real robot.
 
 
 Finding = tuple[bool, str, str]
-"""Result of one diagnostic check: passed, name of the check, and its value or the remedy."""
+"""Result of one diagnostic check: passed, name of the check, value or remedy."""
 
 
 class Cell(Protocol):
-    """A workplace with one robot in it, simulated or real. A class that inherits from this one has a
-    real robot, and no camera.
+    """A workplace with one robot in it, simulated or real.
 
-    A run calls in this order: `picture` before planning, where a picture is wanted; `robot` once there
-    is a checked plan; `footage` when the robot has been closed; `truth` when the estimates are made,
-    never before.
+    By default a subclass has a real robot and no camera. Lifecycle in a run: `picture` before planning,
+    if a picture is wanted; `robot` with a checked plan; `footage` after the robot was closed; `truth`
+    after the estimates are made, never before.
     """
 
     @property
@@ -178,8 +183,10 @@ class Cell(Protocol):
         return False
 
     def picture(self, camera: CameraEntry | None = None) -> bytes | None:
-        """The workspace before anything moves, as PNG, seen by `camera` if there is one; None without
-        a camera."""
+        """The workspace before any motion, as PNG; None without a camera.
+
+        A given `camera` is the viewpoint.
+        """
         return None
 
     def robot(self) -> Robot:
@@ -212,18 +219,18 @@ class Close(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class Driver:
-    """Factory of the cells of one kind of robot: public in a module that an entry point of the
-    group `palpate.cells` names.
+    """Factory of the cells of one kind of robot.
+
+    It is public in a module that an entry point of the group `palpate.cells` names.
 
     Attributes:
-        scheme: of the robot's URLs, e.g. `franky` for `franky://HOST`.
-        connect: makes the cell at a URL, for a scene. Without a scene (a plan is made from a picture
+        scheme: scheme of the robot's URLs, e.g. `franky` for `franky://HOST`.
+        connect: makes the cell at a URL, for a scene. Without a scene (the plan is made from a picture
             alone) only the cell's `picture` is called.
-        examine: yields what `palpate doctor --robot` reports of the robot at a URL with this
-            description; the last argument asks whether the robot may hold a position for some seconds.
+        examine: yields the findings of `palpate doctor --robot` on the robot at a URL with this
+            description. The last argument asks for permission to hold a position for some seconds.
             None without diagnostics.
-        guided: the hand of the robot at a URL, for guiding by a person; None where it cannot be
-            guided.
+        guided: the hand of the robot at a URL, for guiding by a person; None if it cannot be guided.
     """
 
     scheme: str

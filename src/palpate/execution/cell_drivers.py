@@ -22,8 +22,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrankyCell(Cell):
-    """A real workplace with a Franka in it. Implements `palpate.robots.robot.Recoverable` for an arm
-    that is stopped before it is connected."""
+    """A real workplace with a Franka in it.
+
+    Implements `palpate.robots.robot.Recoverable` for an arm that is stopped before it is connected.
+    """
 
     address: Address
     scene: Scene | None
@@ -42,7 +44,7 @@ class FrankyCell(Cell):
         if scene is None:
             raise InputError("a robot needs a scene to work in: give scene=D.xml")
         session = FrankySession(self.address)
-        # A robot that cannot be made leaves no session open.
+        # Close the session if the robot cannot be made.
         try:
             return FrankyRobot(session, scene.arm.real(), scene.pose_world_base, scene.gravity)
         except BaseException:
@@ -55,7 +57,7 @@ class FrankyCell(Cell):
 
 
 def connect(url: str, scene: Scene | None) -> FrankyCell:
-    """The cell at a URL, whose control box answers.
+    """Cell at a URL, after its control box has answered.
 
     Raises:
         InputError: no such URL.
@@ -74,12 +76,13 @@ def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> It
     """
     from palpate.robots.franky import doctor
 
+    # Without a scene, the arm's base is the origin of the world.
     origin = arm.stands(Pose.of((0.0, 0.0, 0.0)))
     return doctor.examine(read_address(url), arm, origin, may_hold)
 
 
 def open_guided_hand(url: str, scene: Scene) -> GuidedHand:
-    """The hand at a URL, for guiding by a person.
+    """Hand at a URL, for guiding by a person.
 
     Raises:
         InputError: no such URL.
@@ -93,7 +96,7 @@ def open_guided_hand(url: str, scene: Scene) -> GuidedHand:
 driver = Driver(SCHEME, connect, examine, open_guided_hand)
 
 
-# Registry of robot drivers: a URL's scheme selects the driver that makes the cell.
+# Registry of robot drivers by URL scheme.
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +130,7 @@ class Drivers:
 
 @cache
 def drivers() -> Drivers:
-    """palpate's own drivers, and those of the entry-point group `palpate.cells`.
+    """Palpate's own drivers and those of the entry-point group `palpate.cells`.
 
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.

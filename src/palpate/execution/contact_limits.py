@@ -1,7 +1,7 @@
 """Contact forces from a `Witness`, and their limits.
 
-Sources of the limits: 65 N is ISO/TS 15066's quasi-static limit for the face, its lowest; the
-others are this project's own.
+Source of the limits: 65 N is the quasi-static limit for the face in ISO/TS 15066, its lowest one. The
+other limits are this project's own.
 """
 
 from __future__ import annotations
@@ -16,13 +16,13 @@ from palpate.execution.witness import Pair, Witness
 from palpate.trace.samples import STANDARD_GRAVITY
 
 OVER = 65.0
-"""N: the time above this force is counted."""
+"""N, force for which the time above it is counted."""
 TAIL = 0.1
-"""s after the first contact at which the tail begins."""
+"""s after the first contact until the tail begins."""
 APART = 0.05
-"""s without touch that separate two contacts."""
+"""s without contact that separate two contacts."""
 LIGHT = 1.5
-"""kg: heavier objects count as fixed."""
+"""kg, largest mass of a light object; heavier ones count as fixed."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,9 +30,9 @@ class Figures:
     """Limits of a contact, N.
 
     Attributes:
-        mean10, mean20: of running means over 10 and 20 ms.
-        tail: of 10 ms means from 100 ms after the first contact, None for no limit.
-        sideways: 10 ms mean on light, free objects.
+        mean10, mean20: limits of running means over 10 and 20 ms.
+        tail: limit of 10 ms means from 100 ms after the first contact on; None for no limit.
+        sideways: limit of horizontal 10 ms means on light free objects.
     """
 
     mean10: float = 65.0
@@ -42,26 +42,27 @@ class Figures:
 
 
 SHOWN = Figures()
-"""For things of the scene."""
+"""Limits for bodies of the scene."""
 UNSEEN = Figures(mean10=180.0, mean20=150.0, tail=25.0, sideways=180.0)
-"""For things that the scene does not show."""
+"""Limits for bodies that the scene does not show."""
 
 
 @dataclass(frozen=True, slots=True)
 class ContactRecord:
-    """Contact of a thing with the robot or the held object; forces in N, times in s.
+    """Contact of a body with the robot or the held object; forces in N, times in s.
 
     Attributes:
-        part: the body with the largest force.
-        load: that body is the held object.
-        light: the thing is a free object of at most `LIGHT`.
+        thing: name of the touched body.
+        part: body of the robot, or held object, with the largest force.
+        load: `part` is the held object.
+        light: the touched body is a free object of at most `LIGHT`.
         first: time of the first contact.
         seconds: duration of all contacts.
         peak, mean10, mean20: largest magnitude of one physics step and of running means.
         hardest: s, time of the largest 10 ms mean.
         tail: see `Figures`.
         over: s above 65 N.
-        sideways: largest horizontal 10 ms mean while nothing supported the thing from the other side.
+        sideways: largest horizontal 10 ms mean without a support from the other side.
         vertical: the largest force was more vertical than horizontal.
     """
 
@@ -81,7 +82,7 @@ class ContactRecord:
     vertical: bool
 
     def beyond(self, figures: Figures) -> Iterator[str]:
-        """Exceeded limits, in words."""
+        """Exceeded limits, as text."""
         who = f"{self.part} on {self.thing}"
         if self.mean10 > figures.mean10:
             yield f"{who}: {self.mean10:.0f} N over 10 ms"
@@ -95,6 +96,7 @@ class ContactRecord:
 
 def touches(witness: Witness) -> tuple[ContactRecord, ...]:
     """All contacts, the largest forces first."""
+    # Group the pairs by the touched body.
     pairs: dict[str, list[Pair]] = {}
     for pair in witness.forces:
         pairs.setdefault(pair.thing, []).append(pair)
@@ -103,22 +105,26 @@ def touches(witness: Witness) -> tuple[ContactRecord, ...]:
 
 
 def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> ContactRecord:
-    """Combine all pairs with one thing to one contact: magnitudes of different parts add up."""
+    """Combine all pairs with one body into one contact; magnitudes of different parts add up."""
     magnitude, sideways = np.zeros(witness.steps + 1), np.zeros(witness.steps + 1)
     strongest_pair, strongest, upright = pairs[0], -1.0, True
     for pair in pairs:
         steps, vectors = witness.forces[pair].rows()
+        # The weight of a held object on its support is no contact force of the robot.
         if pair.load:
             mass = witness.masses[witness.objects.index(pair.part)]
             vectors = _without_weight(vectors, STANDARD_GRAVITY * mass)
         size, horizontal = np.linalg.norm(vectors, axis=1), np.hypot(vectors[:, 0], vectors[:, 1])
         magnitude[steps] += size
+        # Sideways pushes count only while no other body supports the touched one.
         free = ~np.isin(steps, list(witness.forces[pair].blocked))
         sideways[steps[free]] += horizontal[free]
+        # Pair and direction of the largest force.
         if size.max() > strongest:
             worst = int(size.argmax())
             strongest_pair, strongest = pair, float(size[worst])
             upright = bool(abs(vectors[worst, 2]) > horizontal[worst])
+    # Figures over all contacts of the body.
     touching = np.flatnonzero(magnitude)
     dt = witness.period
     mean10 = _running(magnitude, 0.010, dt)
@@ -142,14 +148,18 @@ def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> ContactRecord:
 
 
 def _without_weight(vectors: Array, weight: float) -> Array:
-    """Forces (n, 3) without the weight of an object that stands on the thing."""
+    """Forces (n, 3), N, of a load on its support, without the load's weight.
+
+    Only downward forces are reduced, to zero at most.
+    """
     pressed = vectors.copy()
     pressed[:, 2] = np.minimum(pressed[:, 2] + weight, np.maximum(pressed[:, 2], 0.0))
     return pressed
 
 
 def _running(values: Array, window: float, dt: float) -> Array:
-    """Running means over `window` s, by the start of the window."""
+    """Running means over `window` s, indexed by the start of the window."""
+    # By differences of cumulative sums, padded with zeros at the end.
     width = round(window / dt)
     sums = np.concatenate([[0.0], np.cumsum(np.concatenate([values, np.zeros(width)]))])
     return (sums[width:] - sums[:-width]) / width
@@ -160,6 +170,7 @@ def _tail(magnitude: Array, mean10: Array, dt: float) -> float:
     touching = np.flatnonzero(magnitude)
     if not len(touching):
         return 0.0
+    # Contacts are runs of steps with gaps of at most `APART`.
     breaks = np.flatnonzero(np.diff(touching) * dt > APART)
     starts = np.concatenate([touching[:1], touching[breaks + 1]])
     ends = np.concatenate([touching[breaks], touching[-1:]])

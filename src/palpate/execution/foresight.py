@@ -1,10 +1,10 @@
 """Foresight: poses of objects, and widths and weights in the fingers, after each leaf of a rehearsal.
 
-Effects of primitives are geometry alone. In physics closing fingers centre an object, a dragged one lags
-behind, a released one settles. The rehearsal compares the believed poses with the simulated ones after each
-motion, and corrects the symbolic state; the run corrects its own by the same differences. A run whose fingers
-stand at another width than in the rehearsal, or bear a weight far from the rehearsed ones, stops: what it does
-from there on was not rehearsed.
+Effects of primitives are purely geometric. In physics, closing fingers centre an object, a dragged object
+lags behind, and a released object settles. The rehearsal compares the believed poses with the simulated
+ones after each motion, and corrects the symbolic state. The run applies the same corrections. It stops if
+the fingers' width differs from the rehearsal, or if the weight is far from the rehearsed ones. Later
+motions would not be rehearsed.
 """
 
 from __future__ import annotations
@@ -20,13 +20,17 @@ from palpate.primitives.state import SymbolicState
 from palpate.robots.simulated.world import World
 
 NOTICED = 1e-3
-"""m: smaller differences are left: a simulated contact's softness, and what a real grasp scatters."""
-TURNED = 0.02  # rad, likewise
-OTHER_WIDTH = (
-    0.005  # m between the fingers' widths of rehearsal and run, besides a seen object's doubt
-)
+"""m, least difference of positions that is corrected.
+
+Smaller ones come from the softness of simulated contacts and the scatter of real grasps.
+"""
+TURNED = 0.02  # rad, least difference of attitudes that is corrected
+OTHER_WIDTH = 0.005  # m, largest difference of the fingers' widths in rehearsal and run, plus a seen object's doubt
 OTHER_WEIGHT, UNSURE = 3.0, 3.0
-"""Factor beyond the rehearsed weights, as of the priors of masses, and N beside it: the joints' friction."""
+"""Factor on the rehearsed weights, and margin in N: largest difference of a weight in the run.
+
+The factor is that of the priors of masses. The margin is due to joint friction.
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,10 +38,10 @@ class Foresight:
     """Observations of a rehearsal.
 
     Attributes:
-        shifts: by path of a leaf and name of an object, the pose of the simulated object in the frame of the
-            believed one; of a held object in the hand, of others in the world.
-        widths: m between the fingers after a leaf, by its path, while they hold something.
-        weights: N, least and largest of each object, in all worlds.
+        shifts: pose of the simulated object in the frame of the believed one, by path of a leaf and name
+            of the object. For a held object, both are poses in the hand.
+        widths: m between the fingers after a leaf, by its path, while they hold an object.
+        weights: N, least and largest weight of each object in all worlds.
     """
 
     shifts: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict[str, Mapping[str, Pose]])
@@ -47,24 +51,26 @@ class Foresight:
     )
 
     def settled(self, path: str, blackboard: Blackboard) -> SymbolicState:
-        """State after the leaf `path`, with every object where it ended in the rehearsal.
+        """State after the leaf `path`, with all objects at their final poses of the rehearsal.
 
         Raises:
-            LeafFailure: the fingers hold something else.
+            LeafFailure: the fingers hold another object than in the rehearsal.
         """
         if reason := self._other(path, blackboard):
             raise LeafFailure(f"not as rehearsed: {reason}")
         return moved_by(blackboard.state, self.shifts.get(path, {}))
 
     def _other(self, path: str, blackboard: Blackboard) -> str | None:
-        """Reason why the fingers do not hold what they held in the rehearsal; None where they do."""
+        """Reason why the fingers do not hold the rehearsed object; None if they do."""
         name, load, rehearsed = blackboard.state.holding, blackboard.load, self.widths.get(path)
         if name is None or rehearsed is None:
             return None
+        # By the width: another object, or another grasp of the same one.
         width, body = blackboard.robot.state.width, blackboard.scene.body(name)
         doubt = 2.0 * (body.accuracy or 0.0) if body.seen else 0.0
         if abs(width - rehearsed) > OTHER_WIDTH + doubt:
             return f"the fingers hold '{name}' at {1e3 * width:.0f} mm, and {1e3 * rehearsed:.0f} mm then"
+        # By the weight: outside the range of all rehearsed worlds, with margins.
         least, most = self.weights.get(name, (0.0, float("inf")))
         low, high = least / OTHER_WEIGHT - UNSURE, most * OTHER_WEIGHT + UNSURE
         if load.hanging is None or low <= load.weight <= high:
@@ -75,7 +81,7 @@ class Foresight:
         )
 
     def displaced_most(self, name: str) -> str:
-        """Path of the leaf that displaced an object most, the tree without one."""
+        """Path of the leaf that displaced an object most; `tree` without one."""
         ways = {
             path: float(np.linalg.norm(shifts[name].position))
             for path, shifts in self.shifts.items()
@@ -84,7 +90,7 @@ class Foresight:
         return max(ways, key=ways.__getitem__, default="tree")
 
     def among(self, *others: Foresight) -> Foresight:
-        """The same, with the weights of other worlds."""
+        """This foresight with weight ranges that include those of other worlds."""
         weights = dict(self.weights)
         for other in others:
             for name, (least, most) in other.weights.items():
@@ -108,10 +114,11 @@ class WorldComparison:
         return Foresight(self._shifts, self._widths, weights)
 
     def settled(self, path: str, blackboard: Blackboard) -> SymbolicState:
-        """State after the leaf `path`, with every object where it is; the differences are kept."""
+        """State after the leaf `path`, with all objects at their true poses; records the differences."""
         state, shifts = blackboard.state, dict[str, Pose]()
         if state.holding is not None:
             self._widths[path] = blackboard.robot.state.width
+        # Compare the believed pose of every object with its pose in the simulated world.
         tcp = self._world.true_tcp()
         for name, pose in self._world.true_poses(state.scene.objects).items():
             shift = difference(state, name, pose, tcp)
@@ -123,8 +130,11 @@ class WorldComparison:
 
 
 def difference(state: SymbolicState, name: str, true: Pose, tcp: Pose) -> Pose | None:
-    """Pose of an object that is at `true`, in the frame of the believed one, None where they agree; for a
-    held object as it is in the hand at `tcp`: how far the arm sags is no property of the grasp."""
+    """Pose of an object at `true` in the frame of the believed one; None if they agree.
+
+    For a held object, both are poses in the hand at `tcp`: the sag of the arm is no property of the
+    grasp.
+    """
     believed = state.pose_of(name)
     if name == state.holding:
         if state.pose_tcp_object is None:
@@ -142,6 +152,7 @@ def moved_by(state: SymbolicState, shifts: Mapping[str, Pose]) -> SymbolicState:
     moved = dict(state.moved)
     in_hand = state.pose_tcp_object
     for name, shift in shifts.items():
+        # A held object shifts in the hand, any other one in the world.
         if name != state.holding:
             moved[name] = state.pose_of(name) @ shift
         elif in_hand is not None:

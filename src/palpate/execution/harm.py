@@ -18,19 +18,19 @@ if TYPE_CHECKING:
 
 
 TIPPED = np.deg2rad(15)
-"""rad: largest allowed tilt from the first attitude."""
+"""rad, largest allowed tilt from the first attitude."""
 MOVED = 0.005
-"""m: largest allowed displacement of an object that the plan does not name."""
+"""m, largest allowed displacement of an object that the plan does not name."""
 PUSHED = 0.025
-"""m: largest allowed displacement of an object that is not held."""
+"""m, largest allowed displacement of an object that is not held."""
 
 DROPPED, TOPPLED, GONE = FALLS = ("dropped", "tipped", "left its place")
 FALLEN = 0.013
-"""m of free fall: 0.5 m/s."""
+"""m of free fall, after which the speed is 0.5 m/s."""
 FALLING = 0.5
-"""m/s downwards, unsupported."""
+"""m/s, speed downwards outside the hand that counts as a fall."""
 LEFT = 0.05
-"""m below its first height: an object that is no longer on its support."""
+"""m below its first height at which an object has left its support."""
 UP = (0.0, 0.0, 1.0)
 
 
@@ -38,14 +38,15 @@ class Track:
     """Motion of an object during a run.
 
     Attributes:
-        name: of the object.
+        name: name of the object.
         fell: s, time of a fall out of the hand or off its support; None without one.
-        has_left: it ends lower than it stood, and is not held.
-        tilt: rad, largest while it was not held; a ball, or a log about its axis, rolls and does not tilt.
-        moved: m from its first position, largest.
-        pushed: m from where it was released, largest while it was not held.
-        turned: rad in the hand, largest.
-        tipped_at, moved_at, pushed_at: s, first time beyond the limit of each.
+        has_left: it ends lower than at first, and is not held.
+        tilt: rad, largest tilt while it was not held. Rolling of a ball, or of a log about its axis, is
+            no tilt.
+        moved: m, largest distance from its first position.
+        pushed: m, largest distance from the place of its release, while it was not held.
+        turned: rad, largest rotation in the hand.
+        tipped_at, moved_at, pushed_at: s, first time beyond each limit.
     """
 
     def __init__(self, witness: Witness, index: int) -> None:
@@ -56,6 +57,7 @@ class Track:
         poses = np.array([look.poses[index] for look in looks])
         held = np.array([look.held == index for look in looks])
         touched = np.array([look.touched[index] for look in looks])
+        # Tilt and falls: harm that needs no plan to judge.
         at, attitude = poses[:, :3], Rotation.from_quat(poses[:, 3:], scalar_first=True)
         period = LOOK * witness.period
         tilt = np.where(held, 0.0, _tilt(attitude, witness.axes[index]))
@@ -63,10 +65,12 @@ class Track:
         fell = _fell(at[:, 2], held, touched, period)
         self.fell = None if fell is None else fell * period
         self.has_left = bool(at[-1, 2] < at[0, 2] - LEFT and not held[-1])
+        # Displacements: from the first position, and from the latest release.
         moved = np.linalg.norm(at - at[0], axis=1)
         self.moved, self.moved_at = float(moved.max()), _first(moved > MOVED, period)
         pushed = _push_distance(at, held)
         self.pushed, self.pushed_at = float(pushed.max()), _first(pushed > PUSHED, period)
+        # Rotation in the hand: attitude of the object in the hand's frame.
         hands = Rotation.from_quat([look.hand for look in looks], scalar_first=True)
         self.turned = _turn_in_hand(hands.inv() * attitude, held)
 
@@ -77,8 +81,11 @@ def tracks(witness: Witness) -> list[Track]:
 
 
 def _tilt(attitude: Rotation, axis: Array | None) -> Array:
-    """Tilt from the first attitude, (n,) rad; a rotation about the vertical, or about an `axis` of
-    revolution (3,), is none."""
+    """Tilt from the first attitude, (n,) rad.
+
+    A rotation about the vertical, or about an `axis` of revolution (3,), is no tilt.
+    """
+    # The world's vertical in the object's frame. With an axis, only its elevation counts.
     vertical = attitude.inv().apply(UP)
     if axis is not None:
         rise = np.arcsin(np.clip(vertical @ axis, -1, 1))
@@ -92,10 +99,13 @@ def _first(beyond: Mask, period: float) -> float:
 
 
 def _fell(z: Array, held: Mask, touched: Mask, period: float) -> int | None:
-    """Row of a fall: 13 mm downwards without support, or faster than 0.5 m/s outside the hand; None
-    without one."""
+    """Row of a fall; None without one.
+
+    A fall is 13 mm downwards without support, or more than 0.5 m/s downwards outside the hand.
+    """
     falling = (-np.diff(z) / period > FALLING) & ~held[1:]
     fast = int(np.argmax(falling)) if falling.any() else None
+    # Sum of the descent since the last support.
     sunk = 0.0
     supports = touched[1:] | held[1:]
     for row, (before, now, supported) in enumerate(zip(z[:-1], z[1:], supports, strict=True)):
@@ -106,13 +116,13 @@ def _fell(z: Array, held: Mask, touched: Mask, period: float) -> int | None:
 
 
 def _spells(held: Mask) -> list[tuple[int, int]]:
-    """Rows from each release (or the beginning) to the next (or the end)."""
+    """Ranges of rows from each release, or the beginning, to the next one, or the end."""
     released = np.flatnonzero(held[:-1] & ~held[1:]) + 1
     return list(pairwise([0, *released.tolist(), len(held)]))
 
 
 def _push_distance(at: Array, held: Mask) -> Array:
-    """(n,) m from the first position, or from that of a release; 0 while held."""
+    """(n,) m, horizontal distance from the first position or the latest release; 0 while held."""
     ways = np.zeros(len(held))
     for start, end in _spells(held):
         ways[start:end] = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
@@ -120,9 +130,10 @@ def _push_distance(at: Array, held: Mask) -> Array:
 
 
 def _turn_in_hand(in_hand: Rotation, held: Mask) -> float:
-    """Largest rotation (rad) in the hand since the grasp."""
+    """Largest rotation in the hand since the grasp, rad."""
     worst = 0.0
     for start, end in _spells(held):
+        # The grasp is the first row in which the hand holds the object.
         taken = start + int(np.argmax(held[start:end]))
         if held[taken]:
             turns = in_hand[taken].inv() * in_hand[taken:end]
@@ -135,9 +146,9 @@ class Fate:
     """Harm to an object.
 
     Attributes:
-        what: one of `FALLS`, or `moved` (without being named in the plan), or `pushed`.
-        way: m that it was moved or pushed.
-        t: s, when; inf for what is seen at the end alone.
+        what: one of `FALLS`, or `moved` (the plan does not name it), or `pushed`.
+        way: m, distance that it was moved or pushed.
+        t: s, time of the harm; inf for harm that shows only at the end.
     """
 
     name: str
@@ -147,7 +158,7 @@ class Fate:
 
     @property
     def fallen(self) -> bool:
-        """Dropped, tipped, or off its place."""
+        """True for an object that was dropped, tipped, or left its place."""
         return self.what in FALLS
 
     def __str__(self) -> str:
@@ -161,10 +172,10 @@ class Harm:
 
     Attributes:
         touches: all contacts, the largest forces first.
-        turned: rad that objects rotated in the hand.
-        forces: forces beyond the limits, in words.
+        turned: rad, rotation of objects in the hand, by name.
+        forces: forces beyond the limits, as text.
         fates: harm to objects of the scene.
-        unseen: harm to objects that the scene does not show, which is listed and not judged.
+        unseen: harm to objects that the scene does not show; it is listed and not judged.
         first: time, s, and description of the earliest harm; None for a harmless run.
     """
 
@@ -177,7 +188,7 @@ class Harm:
 
     @property
     def beyond(self) -> tuple[str, ...]:
-        """Everything beyond the limits, in words; empty for a harmless run."""
+        """All values beyond the limits, as text; empty for a harmless run."""
         return (*self.forces, *map(str, self.fates))
 
     @property
@@ -196,16 +207,18 @@ def harm(
     """Judge a run.
 
     Args:
-        witness: of the whole run.
+        witness: record of the whole run.
         named: objects that the plan names, which may be moved.
         unseen: bodies that the scene does not show, with the limits `hidden`.
         shown, hidden: limits of contact forces.
     """
     contacts = touches(witness)
+    # Contact forces beyond their limits, with the time of the largest 10 ms mean.
     forces: list[tuple[float, str]] = []
     for touch in contacts:
         beyond = touch.beyond(hidden if touch.thing in unseen else shown)
         forces += ((touch.hardest, text) for text in beyond)
+    # Motion of each object. Objects that the scene does not show are listed apart.
     turned: dict[str, float] = {}
     fates: list[Fate] = []
     listed: list[Fate] = []
@@ -215,7 +228,7 @@ def harm(
         found = listed if track.name in unseen else fates
         found += _fates(track, named)
     falls = {fate.name: str(fate) for fate in fates if fate.fallen}
-    # What falls has moved before: the fall is said, at the time of the first motion.
+    # A falling object has moved before: state the fall, at the time of the first motion.
     events = [(fate.t, falls.get(fate.name, str(fate))) for fate in fates]
     return Harm(
         contacts,

@@ -28,13 +28,13 @@ INTERRUPTED = "interrupted"  # Message of a leaf that was stopped from outside
 class PrimitiveLeaf(Behaviour):
     """A primitive running in a tree.
 
-    - first tick: arguments are bound; its preconditions must hold and its resources be free, else
-      FAILURE before anything moves;
-    - every tick: its safety predicate and its timeout (robot time) are checked, then it runs one
-      step;
-    - it returns: SUCCESS, and its effects are applied to the symbolic state;
-    - it raises any exception: FAILURE with the reason as `feedback_message`;
-    - stopped from outside (INVALID): its generator is closed.
+    - First tick: arguments are bound. Its preconditions must hold and its resources be free;
+      otherwise it returns FAILURE before any motion.
+    - Every tick: its safety predicate and its timeout (robot time) are checked, then it runs one
+      step.
+    - Return: SUCCESS, and its effects are applied to the symbolic state.
+    - Any exception: FAILURE with the reason as `feedback_message`.
+    - Stop from outside (INVALID): its generator is closed.
 
     Except on SUCCESS, an arm that it claimed holds. Every run of the leaf records one `LeafRun`.
 
@@ -54,7 +54,7 @@ class PrimitiveLeaf(Behaviour):
         self.node = node
         self.started = 0.0
         self._steps: Steps | None = None
-        # A reflex from before, which no motion has cleared yet.
+        # An earlier reflex, which no motion has cleared yet.
         self._earlier: str | None = None
 
     def initialise(self) -> None:
@@ -65,7 +65,7 @@ class PrimitiveLeaf(Behaviour):
         self._steps = self._run()
 
     def update(self) -> Status:
-        """Run one step; none after another leaf has failed, whose failure ends this one as well."""
+        """Run one step; no step after another leaf has failed, as the tree then ends this one."""
         assert self._steps is not None
         if self.blackboard.failed:
             return Status.RUNNING
@@ -122,10 +122,11 @@ class PrimitiveLeaf(Behaviour):
         self.blackboard.recorder.leaves.append(run)
 
     def _run(self) -> Steps:
-        """All of a run: preconditions, steps, effects."""
+        """Whole run: preconditions, steps, effects."""
         blackboard, claims = self.blackboard, self.primitive.claims
         self.primitive.bind(blackboard)
         self._require()
+        # Claim the resources, and enter the state of the motion.
         before = blackboard.state
         for resource in claims:
             blackboard.owner[resource] = self
@@ -137,7 +138,7 @@ class PrimitiveLeaf(Behaviour):
             message = yield from self._check_steps()
             after = self.primitive.effects(before)
             after = self.primitive.observed(after, blackboard.robot.state)
-            # Folded as by the check; changes by other leaves in the meantime are kept.
+            # Fold the effects as the check does; keep changes by other leaves in the meantime.
             blackboard.state = merge_states(blackboard.state, during, after)
             if claims:
                 blackboard.state = blackboard.settled(self.node, blackboard)
@@ -187,7 +188,7 @@ class PrimitiveLeaf(Behaviour):
         reflex = self.blackboard.robot.state.reflex
         if reflex is None:
             self._earlier = None
-        # The predicate's reason says more than that the arm stopped itself.
+        # The reason of the predicate is more specific than that of a reflex.
         new_reflex = reflex if reflex != self._earlier else None
         if reason := self.primitive.unsafe(self.blackboard) or new_reflex:
             raise LeafFailure(reason)
@@ -196,15 +197,15 @@ class PrimitiveLeaf(Behaviour):
             raise LeafFailure(f"not done after {limit:g} s of robot time")
 
 
-# Py_trees tree of a plan.
+# The py_trees tree of a plan.
 
 
 def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tree") -> Behaviour:
     """The py_trees tree of a plan, its leaves bound to `blackboard`.
 
-    A Sequence has memory; a Parallel succeeds when all its children have and fails with the first.
-    Inside a Parallel motions are ticked before sensing leaves, in any order of the plan, so
-    that a sensing leaf sees in one tick that the motion beside it has started or ended.
+    A Sequence has memory. A Parallel succeeds with all of its children, and fails with the first.
+    Inside a Parallel, motions are ticked before sensing leaves, whatever their order in the plan. A
+    sensing leaf thus notices in the same tick that a motion has started or ended.
 
     Raises:
         InputError: unknown node type, arguments that do not fit, or an empty composite, which
@@ -229,6 +230,7 @@ def build(node: Node, words: Vocabulary, blackboard: Blackboard, path: str = "tr
     name = node.name or node.type
     if node.type == "Sequence":
         return Sequence(name, memory=True, children=children)
+    # Children with motions first; the sort is stable.
     children.sort(key=lambda child: not any(leaf.primitive.claims for leaf in leaves(child)))
     return Parallel(name, policy=ParallelPolicy.SuccessOnAll(), children=children)
 

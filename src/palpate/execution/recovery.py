@@ -35,9 +35,9 @@ log = logging.getLogger(__name__)
 OnFailure = Literal["stop", "skip", "replan"]
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
 Resume = Callable[[str], bool]
-"""Question to a person, with the reason of a real robot's stop: True to continue."""
+"""Question to a person, with the reason of a real robot's stop; True means continue."""
 ATTEMPTS = {"stop": 0, "skip": 1, "replan": 3}
-"""Failures at one object after which it is left out, by policy."""
+"""Number of failures at one object after which it is left out, by policy."""
 
 
 def nobody(_: str) -> bool:
@@ -55,8 +55,10 @@ def recover(
     real: bool = False,
     may_resume: Resume = nobody,
 ) -> Execution:
-    """The execution joined with all further attempts that the policy allows; `real`: a real robot, for
-    which `may_resume` is asked after it stopped itself."""
+    """The execution joined with all further attempts that the policy allows.
+
+    With a `real` robot, `may_resume` is asked after the robot stopped itself.
+    """
     done, now, failures = first, plan, Counter[str]()
     attempts = ATTEMPTS[policy]
     for attempt in range(attempts * len(scene.bodies)):
@@ -67,6 +69,7 @@ def recover(
             if confirmed_by is None:
                 break
             done = confirmed_by
+        # Count the failure at its object, and leave out objects that failed too often.
         rest = remaining(plan.parameters, done.trace)
         name = failed_at(done.trace, now, scene) or (rest[0].object if rest else "")
         # The pose of an object that slipped out of the fingers is unknown: no further attempt.
@@ -74,9 +77,10 @@ def recover(
         lost = held is not None and (held.object, held.became) == (name, "lost")
         failures[name] += attempts if lost else 1
         rest = [wanted for wanted in rest if failures[wanted.object] < attempts]
-        # Where it failed comes last: the others do not wait for it.
+        # Objects with failures come last, so that the others do not wait for them.
         rest.sort(key=lambda wanted: failures[wanted.object])
         try:
+            # Plan for the remaining parameters from the believed poses at the stop.
             state = done.final_state
             around = rearrange(state.scene, state.elsewhere())
             again = replan(rest, around, f"{plan.planner}, {policy}")
@@ -94,8 +98,10 @@ def recover(
 
 
 def resumable(done: Execution, robot: Robot) -> bool:
-    """True if a stopped run may be continued: nothing is held, and the robot has no fault that only
-    a person can judge."""
+    """True if a stopped run may be continued.
+
+    Nothing is held, and the robot has no fault that only a person can judge.
+    """
     if done.asked or done.status != "stopped" or done.final_state.holding is not None:
         return False
     # A fault that the robot itself reports can be cleared; implausible signals cannot.
@@ -104,8 +110,10 @@ def resumable(done: Execution, robot: Robot) -> bool:
 
 
 def resume_note(done: Execution, robot: Robot, may_resume: Resume) -> Execution | None:
-    """The execution with a person's confirmation as part of the reason; None without one, or where
-    the robot cannot continue."""
+    """The execution with a person's confirmation as part of the reason.
+
+    None without a confirmation, or if the robot cannot continue.
+    """
     why = done.stopped_by or ""
     if not may_resume(why):
         log.warning("not taken up again by itself: see what the arm met, then run again")
@@ -160,7 +168,7 @@ def _goal(leaf: LeafRun, plan: Plan, scene: Scene, words: Vocabulary) -> str | N
 
 
 def replan(parameters: Sequence[Parameter], scene: Scene, planner: str) -> Plan | None:
-    """A checked plan for missing parameters in the present scene; None when there is none."""
+    """A checked plan for missing parameters in the current scene; None without one."""
     made = assemble(scene, parameters)
     if made.tree is None:
         return None
@@ -170,9 +178,12 @@ def replan(parameters: Sequence[Parameter], scene: Scene, planner: str) -> Plan 
 
 
 def join_executions(first: Execution, second: Execution, prefix: str) -> Execution:
-    """Both executions as one, which ends as the second, whose nodes get the `prefix`, with the reason
-    of the first one's stop among its setbacks."""
+    """Join two executions into one that ends as the second.
+
+    Nodes of the second one get the `prefix`. The reason of the first one's stop becomes a setback.
+    """
     a, b = first.trace, second.trace
+    # Conversions refer to recordings, so they must follow the renaming.
     renamed = {r: replace(r, node=prefix + r.node) for r in b.recordings}
     conversions: list[Conversion] = []
     for conversion in b.conversions:
@@ -186,6 +197,7 @@ def join_executions(first: Execution, second: Execution, prefix: str) -> Executi
         recordings=(*a.recordings, *renamed.values()),
         conversions=(*a.conversions, *conversions),
     )
+    # Beliefs of both: a body that was not touched again keeps its belief.
     final, before = second.final_state, first.final_state
     return replace(
         second,
@@ -198,19 +210,22 @@ def join_executions(first: Execution, second: Execution, prefix: str) -> Executi
     )
 
 
-# Repetition for `--within`: the same robot measures parameters with wider intervals again, until
-# they are narrow enough or at the floor that no repetition lowers.
+# Repetition for `--within`: parameters with too wide intervals are measured again by the same robot,
+# until the intervals are narrow enough or at the floor that no repetition lowers.
 
 
 MAX_ROUNDS = 5  # Largest number of rounds of repetition
 MOST_TIMES = 4
-"""Largest number of repetitions in one round: the noise seen in the first round is uncertain."""
+"""Largest number of repetitions in one round, since the noise of the first round is uncertain."""
 LONGEST = 100.0
-"""s of robot time of further rounds after which none begins. In a third of a drift's time constant
-(300 s, `robots/simulated/noise/lab.yaml`) the arm is no longer the same one; and the cost of an estimate
-grows with the cube of its data. A round of twelve grasps of a hammer takes 115 s."""
+"""s of robot time of further rounds after which no new round begins.
+
+In a third of a drift's time constant (300 s, `robots/simulated/noise/lab.yaml`) the arm changes
+noticeably. The cost of an estimate grows with the cube of its data. A round of twelve grasps of a
+hammer takes 115 s.
+"""
 FUTILE = 0.98
-"""Largest part of an interval that may remain after a round, for another one to follow."""
+"""Largest ratio of an interval after a round to the one before, for another round to follow."""
 
 Lacking = dict[Parameter, Precision]
 """Parameter with a wider interval than requested."""
@@ -225,8 +240,10 @@ def repeat(
     run: Runner,
     say: Callable[[str], None],
 ) -> Execution:
-    """The execution joined with all further rounds that `within` requires; `say` shows the purpose of
-    each."""
+    """The execution joined with all further rounds that `within` requires.
+
+    `say` shows the purpose of each round.
+    """
     done, before = first, Lacking()
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
     so_far = Counter(asked)
@@ -235,13 +252,14 @@ def repeat(
         if not asked or done.status != "complete" or took > LONGEST:
             break
         lacking = dict(too_wide(asked, done, scene, within))
-        # Another round only where the last one narrowed the interval, if there was any.
+        # Repeat only parameters whose interval the last round narrowed, if there was one.
         asked = [
             parameter
             for parameter, now in lacking.items()
             if parameter not in before or now.reached < FUTILE * before[parameter].reached
         ]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
+        # Every other round is mirrored, which cancels errors that depend on the side.
         efforts = efforts_for(lacking, scene, done, so_far)
         again = plan_again(efforts, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:
@@ -256,7 +274,10 @@ def repeat(
 def too_wide(
     asked: Sequence[Parameter], done: Execution, scene: Scene, within: Within
 ) -> Iterator[tuple[Parameter, Precision]]:
-    """Parameters whose interval repetition would narrow; none contradicted or not identified."""
+    """Parameters whose interval further repetition would narrow.
+
+    Contradicted parameters, and parameters that are not identified, are left out.
+    """
     for estimate in estimate_all(
         asked, done.trace, scene_with_measurements(scene, done.trace).bodies
     ):
@@ -270,8 +291,11 @@ def too_wide(
 def efforts_for(
     lacking: Lacking, scene: Scene, done: Execution, so_far: Counter[Parameter]
 ) -> dict[Parameter, Effort]:
-    """Effort for each, predicted by its quantity from the arm's noise in the trace, else extrapolated
-    from the repetitions `so_far`."""
+    """Effort for each parameter.
+
+    Its quantity predicts it from the arm's noise in the trace. Otherwise it is extrapolated from the
+    repetitions `so_far`.
+    """
     found: dict[Parameter, Effort] = {}
     for parameter, precision in lacking.items():
         site, effort = site_of(scene, parameter), None
@@ -286,8 +310,10 @@ def efforts_for(
 def plan_again(
     efforts: Efforts, done: Execution, planner: str, mirrored: bool
 ) -> tuple[Plan, Scene] | None:
-    """A checked plan for the parameters in the present scene, `mirrored` every other time; None
-    without one, or where planning fails."""
+    """A checked plan for the parameters in the current scene, and the scene.
+
+    `mirrored` is true every other time. None without a plan, or if planning fails.
+    """
     if not efforts:
         return None
     try:
@@ -305,7 +331,7 @@ def plan_again(
 
 
 def widths_in_words(lacking: Lacking, scene: Scene) -> str:
-    """List in words: `bottle.mass: ± 3.1 g where ± 1 g is asked`."""
+    """List as text: `bottle.mass: ± 3.1 g where ± 1 g is asked`."""
     said: list[str] = []
     for parameter, precision in lacking.items():
         unit = scene.catalogue[parameter.quantity].unit

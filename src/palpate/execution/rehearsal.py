@@ -1,4 +1,4 @@
-"""Rehearsal of a plan in physics before anything moves, and its file in the run folder."""
+"""Rehearsal of a plan in simulation before the robot moves, and its file in the run folder."""
 
 from __future__ import annotations
 
@@ -35,17 +35,22 @@ from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 
 AFTERWARDS = 1.0
-"""s that the world is watched after the end of a run: an object released in the last moment falls, or
-tips over, in less."""
+"""s of observation after the end of a run.
+
+An object released in the last moment falls or tips over in a shorter time.
+"""
 DRAWS = 2
-"""Worlds drawn from the priors of what the scene leaves open, beside the believed one."""
+"""Number of worlds drawn from the priors of open values, in addition to the believed one."""
 LONGEST = 600.0
-"""s of robot time of a rehearsal; a longer plan is one for several runs."""
+"""s, longest robot time of a rehearsal; a longer plan must be split into several runs."""
 LONGER = 1.5
-"""Factor by which a plan that is stopped early must exceed it, as predicted from its first motions ..."""
-ALIKE = 5  # ... of each kind, as many as this: one kind's durations vary by less than that factor
+"""Factor on `LONGEST` that the predicted time must exceed for an early stop of the rehearsal.
+
+The durations of motions of one kind vary by less than this factor.
+"""
+ALIKE = 5  # Least number of motions of a kind for a prediction of its duration
 QUIET = 2.0
-"""s that the arm rests at first, which no count of the run includes: what moves then, moves by itself."""
+"""s of rest before the run, which its time excludes: an object that moves now is not at rest."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -58,8 +63,8 @@ class Rehearsal:
         peak_force: N, largest external force at the TCP, there.
         failure: reason why the plan must not run, or None.
         draws: worlds in which it was rehearsed.
-        path: leaf of the plan where that happened; the tree for the whole.
-        foresight: where things ended after each leaf, in the believed world.
+        path: leaf of the plan where the failure happened; the tree for the whole plan.
+        foresight: final poses of the objects after each leaf, in the believed world.
     """
 
     actions: int
@@ -104,7 +109,7 @@ class _Attempt:
     Attributes:
         harm: path of a leaf and the harm that it did, None for a harmless run.
         stop: path of a leaf and the reason why the run stopped there.
-        foresight: where things ended after each leaf.
+        foresight: final poses of the objects after each leaf.
     """
 
     actions: int
@@ -116,7 +121,10 @@ class _Attempt:
 
 
 class TimePrediction:
-    """Prediction of the robot time of a whole plan from its motions so far, with what is sensed between them."""
+    """Prediction of the robot time of a whole plan from its motions so far.
+
+    The time of a motion includes the sensing before it.
+    """
 
     def __init__(self, plan: Plan, start: float) -> None:
         nodes = plan.tree.walk() if plan.tree is not None else ()
@@ -126,7 +134,7 @@ class TimePrediction:
         self._last = start
 
     def note_end(self, path: str, t: float) -> None:
-        """Note that the motion at a path ended at `t`, s; one of a controlled stop is none of the plan's."""
+        """Note that the motion at a path ended at `t`, s; motions of a controlled stop do not count."""
         if path in self._kinds:
             self._took[self._kinds[path]].append(t - self._last)
         self._last = t
@@ -134,16 +142,17 @@ class TimePrediction:
     @property
     def is_too_slow(self) -> bool:
         """True if the plan certainly takes longer than `LONGEST`."""
+        # Lower bound: mean duration times number of nodes, over the kinds seen often enough.
         known = {kind: took for kind, took in self._took.items() if len(took) >= ALIKE}
         seconds = sum(self._count[kind] * float(np.mean(took)) for kind, took in known.items())
         return seconds > LONGER * LONGEST
 
 
 def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
-    """Execute the plan with perfect sensors in the believed world, and in `draws` others; once for each
-    plan and scene.
+    """Execute the plan without noise in the believed world and in `draws` others; cached.
 
-    A stop in a drawn world is no failure: an arm that finds a table elsewhere has to stop.
+    A stop in a drawn world is no failure: an arm that meets a table at another height has to stop.
+    Harm is a failure in any world.
 
     Raises:
         Interrupted: by a signal.
@@ -153,6 +162,7 @@ def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
 
 
 def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
+    # The drawn worlds run in a process of their own, next to the believed one.
     seeds = range(1, 1 + draws if scene.missing else 1)
     with (
         interrupts() as signals,
@@ -162,6 +172,7 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         believed = _attempt(plan, scene, 0)
         failure = believed.harm or believed.stop
         drawn = [] if failure else beside.result()
+    # A drawn world may add a harm. Its observed weights widen the foresight.
     failure = failure or next((other.harm for other in drawn if other.harm), None)
     path, reason = failure or ("tree", None)
     return Rehearsal(
@@ -176,7 +187,7 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
 
 
 def named_objects(plan: Plan, scene: Scene) -> frozenset[str]:
-    """Objects that a plan names, which may be moved: in its parameters and the arguments of its nodes."""
+    """Objects that a plan names in its parameters or arguments, and that may be moved."""
     found = {parameter.object for parameter in plan.parameters}
     if plan.tree is not None:
         for _, node in plan.tree.walk():
@@ -185,7 +196,7 @@ def named_objects(plan: Plan, scene: Scene) -> frozenset[str]:
 
 
 def _subject(value: object, scene: Scene) -> set[str]:
-    """Object that an argument names, or whose pose it is."""
+    """Object that an argument names, directly or by one of its poses."""
     if not isinstance(value, str):
         return set()
     try:
@@ -207,10 +218,11 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         return look.settled(path, blackboard)
 
     try:
+        # The world must be at rest before the arm moves.
         robot.advance(QUIET)
         robot.drain()
         if (moved := harm(witness).first) is not None:
-            # Nothing stands as the scene has it with the values drawn: they are not the true ones.
+            # Drawn values with which the scene is not at rest are not the true ones.
             return _attempt_in_unrest(moved[1] if seed == 0 else None)
         done = run(
             plan,
@@ -224,11 +236,13 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         robot.advance(AFTERWARDS)
     finally:
         robot.close()
+    # The earliest harm counts before the reason of a stop.
     first = harm(witness, named).first
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if pace.is_too_slow or done.robot_seconds >= LONGEST:
         stop = "tree", f"it takes more than {LONGEST:g} s; make several plans of it"
+    # A complete run must also restore all objects, as the plan promises.
     if harmed is None and stop is None and not seed:
         harmed = _first_displacement(done, witness, scene, look.foresight)
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
@@ -237,7 +251,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
 
 
 def _attempt_in_unrest(what: str | None) -> _Attempt:
-    """Outcome in a world in which something moves while the arm rests; None: a harmless one."""
+    """Outcome in a world in which `what` moves while the arm rests; harmless for None."""
     why = what and (
         f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
         'condim="6" and rolling friction, or lay it against something'
@@ -246,11 +260,14 @@ def _attempt_in_unrest(what: str | None) -> _Attempt:
 
 
 def _is_harming(witness: Witness, named: Collection[str]) -> bool:
-    """Test if something falls that the hand does not hold, or has moved that the plan does not name: the
-    rest of the rehearsal shows nothing new."""
+    """Test if a free object falls, or an object moved that the plan does not name.
+
+    The rest of the rehearsal would show nothing new then.
+    """
     if len(witness.looks) < 2:
         return False
     first, before, now = witness.looks[0], *witness.looks[-2:]
+    # Falls: speed downwards between the last two looks. Moves: distance from the first look.
     sunk = before.poses[:, 2] - now.poses[:, 2]
     loose = np.arange(len(sunk)) != now.held
     strange = np.array([name not in named for name in witness.objects], dtype=bool)
@@ -260,7 +277,7 @@ def _is_harming(witness: Witness, named: Collection[str]) -> bool:
 
 
 def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
-    """Path of the leaf that ran at time `t`, s, and the text with its label."""
+    """Path of the leaf that ran at time `t`, s, and the text with time and label."""
     leaves = [leaf for leaf in done.trace.leaves if leaf.start <= t and leaf.node != STOP_NODE]
     if not leaves:
         return "tree", text
@@ -273,7 +290,10 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
 def _first_displacement(
     done: Execution, witness: Witness, scene: Scene, seen: Foresight
 ) -> tuple[str, str] | None:
-    """The first object that is not restored, with the leaf in which it was displaced most."""
+    """Path of a leaf, and reason: the first object that is not restored.
+
+    The leaf is the one in which the object was displaced most.
+    """
     for name, pose in zip(witness.objects, witness.looks[-1].poses, strict=True):
         if name not in scene.objects or name == done.final_state.holding:
             continue
@@ -289,14 +309,14 @@ def _first_displacement(
     return None
 
 
-# A rehearsal in a run folder, so that the folder's plan is not rehearsed again.
+# File of a rehearsal in a run folder: the folder's plan is not rehearsed again.
 
 
 FILE = "rehearsal.json"
 MOST = 2 * MB
-"""Bytes of such a file; fifteen objects take 0.2 MB."""
+"""Bytes, largest size of such a file; fifteen objects take 0.2 MB."""
 FARTHEST = 0.1
-"""m: largest shift of an object that is read."""
+"""m, largest valid shift of an object in the file."""
 
 Finite = Annotated[float, Field(allow_inf_nan=False)]
 Row = Annotated[tuple[Finite, ...], Field(min_length=7, max_length=7)]
@@ -319,7 +339,7 @@ class Kept(BaseModel):
     weights: dict[str, tuple[Finite, Finite]]
 
     def rehearsal(self) -> Rehearsal:
-        """The rehearsal that was kept."""
+        """The stored rehearsal."""
         shifts = {
             leaf: {name: _pose(row) for name, row in found.items()}
             for leaf, found in self.shifts.items()
@@ -329,7 +349,7 @@ class Kept(BaseModel):
 
 
 def keep_rehearsal(folder: Path, plan: Plan, scene: Scene, rehearsal: Rehearsal) -> None:
-    """Write the rehearsal of a plan beside it."""
+    """Write the rehearsal of a plan into the folder of the plan."""
     seen = rehearsal.foresight
     shifts = {
         leaf: {name: pose.vector.tolist() for name, pose in found.items()}
@@ -342,7 +362,7 @@ def keep_rehearsal(folder: Path, plan: Plan, scene: Scene, rehearsal: Rehearsal)
 
 
 def kept_rehearsal(folder: Path, plan: Plan, scene: Scene) -> Rehearsal | None:
-    """The rehearsal of this plan in this scene that a folder keeps; None without a whole one."""
+    """The stored rehearsal of this plan in this scene; None without a valid one."""
     try:
         kept = Kept.model_validate_json(read_bytes(folder / FILE, MOST, "a rehearsal"))
         return kept.rehearsal() if kept.key == key(plan, scene) else None
@@ -351,8 +371,10 @@ def kept_rehearsal(folder: Path, plan: Plan, scene: Scene) -> Rehearsal | None:
 
 
 def key(plan: Plan, scene: Scene) -> str:
-    """Hash of what a rehearsal depends on: plan, scene and arm as compiled, priors, names of poses.yaml,
-    version."""
+    """Hash of all inputs of a rehearsal.
+
+    They are the plan, the compiled scene and arm, priors, names of poses.yaml, and the version.
+    """
     compiled = _binary(solids(scene).model)
     document: dict[str, Any] = plan_json(plan)
     priors = sorted((str(name), repr(prior)) for name, prior in scene.resolved.priors.items())
@@ -370,13 +392,14 @@ def _binary(model: mujoco.MjModel) -> NDArray[np.uint8]:
 
 
 def _arm(scene: Scene) -> str:
-    """The arm's figures beside its compiled model."""
+    """The arm's figures that its compiled model does not contain."""
     arm = scene.arm
     return repr((arm.name, arm.pace, arm.stiffness, arm.limits.reflexes, arm.nominal))
 
 
 def _names(scene: Scene) -> list[dict[str, Any]]:
     """Poses, joint configurations and offsets that a plan may name; poses.yaml states some of them."""
+    # All as plain lists, so that the hash does not depend on the representation.
     symbols = scene.symbols
     poses = {name: pose.vector.tolist() for name, pose in symbols.poses.items()}
     joints, offsets = (

@@ -31,24 +31,30 @@ from palpate.trace.samples import Samples, Trace
 log = logging.getLogger(__name__)
 
 TICK_PERIOD = 0.02  # s of robot time between two ticks
-LONGEST_WAIT = 0.08  # s between two while no leaf needs a look: 1 mm of a probe's way
-MAX_ROBOT_SECONDS = 1800.0  # s of robot time that a whole run may take
+LONGEST_WAIT = 0.08  # s between two ticks while no leaf needs one: 1 mm of a probe's travel
+MAX_ROBOT_SECONDS = 1800.0  # s, largest robot time of a whole run
 STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
 EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it
 MEANWHILE: Mapping[str, str] = {"mass": "rests-and-passes"}
-"""Estimators of the conversions on the way, by quantity; others are the defaults. What is reported is estimated
-when all is recorded."""
+"""Estimators of the conversions during a run, by quantity; others are the defaults.
+
+Reported values are estimated after the run, from all recordings.
+"""
 NOISELESS: Mapping[str, str] = {"mass": "single-shot"}
-"""Estimators that do for a robot without noise, by quantity: the forces of its arm have no bias, from which the
-default finds a load in a contrast that takes as long as the motion."""
+"""Estimators for a robot without noise, by quantity.
+
+Its forces have no bias. The default estimator removes the bias by a contrast, at a large cost.
+"""
 STOP_NODE = "stop"
 """`LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node."""
 
 StopRequest = Callable[[], str | None]
-"""Origin of a request to stop the run; None without one."""
+"""Function that returns the origin of a request to stop the run; None without one."""
 Keep = Callable[[Samples, Recorder], None]
-"""Writer of a growing trace, called after every tick with the newest samples and all recordings. An
-exception of it ends only the writing."""
+"""Writer of a growing trace, called after every tick with the newest samples and all recordings.
+
+An exception of the writer ends only the writing.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,13 +68,12 @@ class Execution:
         final_state: the believed cell at the end.
         actions: number of the plan's leaves that were started.
         robot_seconds, wall_seconds: duration.
-        setbacks: reasons of earlier stops after which it was continued (see
+        setbacks: reasons of earlier stops after which the run was continued (see
             `palpate.execution.recovery`).
-        asked: a person or the caller wanted it to stop.
-        fault: reason not to trust the robot's signals any more, or why it no longer moves; None
-            without a fault.
-        reflex: reason why the arm stopped itself, and so the run; None if it did not.
-        held: object in the fingers when it was stopped, and its fate; None without one.
+        asked: a person or the caller requested the stop.
+        fault: reason not to trust the robot's signals, or not to move the robot; None without a fault.
+        reflex: reason of the arm's own stop, which ended the run; None without one.
+        held: object in the fingers at the stop, and its fate; None without one.
     """
 
     trace: Trace
@@ -128,13 +133,13 @@ def run(
     """Run a checked plan to its end, or to a controlled stop.
 
     A failed leaf, an exception, a signal (`palpate.common.processes`; SIGINT by default),
-    `stop_requested` and the time budget all end in a controlled stop: the arm stops, then a held
-    object is put down, or, where that is not safe, held still. A second signal abandons the
-    putting down and holds immediately. All recordings are returned in every case. `settled` corrects the
-    symbolic state after the motion of the leaf at a path (`palpate.execution.foresight`).
+    `stop_requested` and the time budget all end in a controlled stop. The arm stops. A held object is
+    then put down or, if that is not safe, held still. A second signal skips the putting down and holds
+    immediately. All recordings are returned in every case. `settled` corrects the symbolic state after
+    the motion of the leaf at a path (`palpate.execution.foresight`).
 
-    The robot is left holding its position; the caller closes it. One that is `noiseless` is a simulated
-    one, whose signals neither freeze nor get lost.
+    The robot is left holding its position; the caller closes it. `noiseless` marks a simulated robot,
+    whose signals neither freeze nor get lost.
 
     Raises:
         InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
@@ -153,12 +158,14 @@ def run(
             blackboard, watched, root, tick_period, observer=observer, keep=keep, signals=signals
         )
 
+        # A signal comes before the caller's request.
         def stop_request() -> str | None:
             if reason := loop.interrupted():
                 return reason
             return "stop requested" if stop_requested is not None and stop_requested() else None
 
         try:
+            # Run to the end, then stop in a controlled way unless the tree succeeded.
             loop.stopping = result_or_error(
                 lambda: loop.tick_to_end(root, max_robot_seconds, stop_request)
             )
@@ -166,6 +173,7 @@ def run(
             if loop.stopping is not None:
                 result_or_error(loop.stop)
         finally:
+            # Hold in any case, and try twice: no exception may leave the arm moving.
             if result_or_error(robot.hold) is not None:
                 result_or_error(robot.hold)
         return loop.execution(time.perf_counter() - began, stop_request() is not None)
@@ -189,8 +197,10 @@ class Loop:
     now: float = 0.0
 
     def tick_to_end(self, root: Behaviour, budget: float, asked: StopRequest) -> str | None:
-        """Tick until `root` ends: None when it succeeded, else the reason. `budget` is robot time,
-        s."""
+        """Tick until `root` ends; None if it succeeded, else the reason.
+
+        `budget` is robot time, s.
+        """
         if self.start is None:
             self.start = self.now = self.blackboard.robot.state.t
         for _ in self.ticks(budget):
@@ -210,7 +220,7 @@ class Loop:
     def ticks(self, seconds: float) -> Iterator[None]:
         """Advance tick by tick for `seconds` of robot time."""
         until = self.now + seconds
-        # A clock that stands still ends it, too; a real robot's advances by more than a tick.
+        # A frozen clock ends the loop as well. A real robot's clock advances by more than a tick.
         for _ in range(math.ceil(seconds / self.tick_period)):
             if self.now >= until:
                 return
@@ -226,7 +236,7 @@ class Loop:
         return self.signals.reason if self.signals.pressed() > 1 else None
 
     def stop(self) -> None:
-        """Bring everything to rest, then put down a held object."""
+        """Bring all motion to rest, then put down a held object."""
         name = self.blackboard.state.holding
         holds = name is not None or self.is_gripping(default=False)
         try:
@@ -234,6 +244,7 @@ class Loop:
                 self.interrupt()
             finally:
                 self.blackboard.robot.hold()
+            # An object that slips onto its support is released at once, before the arm rests.
             slipped = let_slip(self.blackboard)
             if not (slipped or self.hold_reason()):
                 self.come_to_rest()
@@ -244,12 +255,12 @@ class Loop:
                 self.held = HeldObject(name, self.fate())
 
     def fate(self) -> Fate:
-        """Fate of the held object; one that slipped out is believed at its place again."""
+        """Fate of the held object; a lost one is believed to be at its place in the scene."""
         if self.is_gripping(default=True):
             return "held"
         if self.blackboard.state.holding is None:
             return "put down"
-        # Fingers open only on a proven support; fingers that lose an object close further.
+        # The fingers open only on a proven support. Fingers that lose an object close further.
         if self.blackboard.robot.state.width > self.blackboard.load.width:
             self.blackboard.state = state_after_release(self.blackboard)
             return "put down"
@@ -259,6 +270,7 @@ class Loop:
     def execution(self, wall_seconds: float, asked: bool) -> Execution:
         """The result so far."""
         result_or_error(self.drain)
+        # A fault of the signals comes before one that the robot itself reports.
         fault = self.note_fault()
         if fault is None:
             try:
@@ -284,8 +296,10 @@ class Loop:
         )
 
     def note_fault(self) -> str | None:
-        """Record a fault of the signals from its onset, which may be before the action that it ended:
-        later recordings are no evidence."""
+        """Record a fault of the signals from its onset; later recordings are no evidence.
+
+        The onset may be before the action that the fault ended.
+        """
         fault = self.watched.fault
         if fault is None:
             return None
@@ -313,8 +327,11 @@ class Loop:
             self.rest()
 
     def come_to_rest(self) -> None:
-        """Wait for the end of all motion, and stop pressing on an obstacle: `hold` keeps the force of
-        the set-point ahead of the arm, a joint motion to the arm's own position relieves it."""
+        """Wait for the end of all motion, and stop pressing on an obstacle.
+
+        `hold` keeps the force of a set-point ahead of the arm. A joint motion to the arm's own position
+        reduces it.
+        """
         robot = self.blackboard.robot
         for _ in range(EASINGS):
             if self.is_pressing():
@@ -336,6 +353,7 @@ class Loop:
         return bool(np.linalg.norm(force) > robot.limits.free_force)
 
     def advance(self) -> None:
+        # Number of ticks that no leaf needs. The tolerance absorbs rounding errors.
         ticks = math.ceil(self.blackboard.wait(LONGEST_WAIT) / self.tick_period - 1e-6)
         self.watched.run_on(max(1, ticks), self.tick_period)
         now = self.blackboard.robot.state.t
@@ -344,10 +362,11 @@ class Loop:
         if self.stopping is None:
             self.drain()
         else:
-            # A stop goes on even if the robot provides no samples any more.
+            # A stop continues even if the robot provides no samples any more.
             result_or_error(self.drain)
 
     def drain(self) -> None:
+        # A failing writer must not stop the run.
         samples = self.blackboard.recorder.drain()
         if self.keep is None:
             return
@@ -364,7 +383,7 @@ class Loop:
         snapshot = Snapshot(self.root, state, self.elapsed(), leaves, self.stopping)
         try:
             self.observer.on_tick(snapshot)
-        # Printing to a terminal that is gone may raise SystemExit (rich does).
+        # Printing to a closed terminal may raise SystemExit (rich does).
         except (Exception, SystemExit) as error:
             log.warning("the run goes on unwatched: %s: %s", type(error).__name__, error)
             self.observer = None
@@ -373,7 +392,7 @@ class Loop:
         return self.now - (self.start or 0.0)
 
     def is_gripping(self, default: bool) -> bool:
-        """True if the fingers hold something; `default` for a robot that does not respond."""
+        """True if the fingers hold an object; `default` for a robot that does not respond."""
         try:
             return self.blackboard.robot.state.gripping
         except Exception:
@@ -389,8 +408,10 @@ class Loop:
 
 
 def result_or_error(step: Callable[[], str | None]) -> str | None:
-    """The step's result, or its exception in words: no exception may keep the runner from stopping
-    the robot."""
+    """The step's result, or its exception as text.
+
+    No exception may keep the runner from stopping the robot.
+    """
     try:
         return step()
     except KeyboardInterrupt:

@@ -1,7 +1,7 @@
-"""The embedded cell: a hidden world made of MJCF, with a simulated arm in it.
+"""The embedded cell: a hidden world from MJCF, with a simulated arm in it.
 
-The world is hidden: its truth is read by `SimulatedCell.truth` alone, which the pipeline calls after
-the estimates are made.
+Only `SimulatedCell.truth` reads the truth of the world. The pipeline calls it after the estimates are
+made.
 """
 
 from __future__ import annotations
@@ -39,24 +39,24 @@ SIZE_TOLERANCE = 0.02
 BASE_TOLERANCE = 0.05
 """Largest distance of the arm's base in the world from its place in the scene, m."""
 TURNED = float(np.cos(np.radians(2.5)))
-"""Its largest rotation, 5°: the least dot product of the two quaternions, cos(5°/2)."""
+"""Least dot product of the base's quaternions in world and scene, cos(5°/2): a rotation of 5°."""
 NEAR = 0.10
 """Largest horizontal distance of an object in the world from its place in a picture, m."""
 DRAWN = "simulated from the scene, its unknowns drawn from priors"
-"""Description of a cell whose truth is made up."""
+"""Description of a cell whose truth is drawn from priors."""
 
 
 @dataclass(slots=True, eq=False)
 class SimulatedCell:
-    """A world made of MJCF, with what is true in it. Implements `palpate.execution.cell.Cell`.
+    """A world from MJCF, and its true values. Implements `palpate.execution.cell.Cell`.
 
     Attributes:
-        world: the world as a scene: a world of its own (`palpate.scene.load.as_world`), or D.
+        world: the world as a scene: a separate world (`palpate.scene.load.as_world`), or D.
         drawn: values drawn from priors, for a world made from D.
         description: for the report.
         noise: noise model of the robot, by name or file.
-        seed: of everything random in it.
-        scene: D, all that the robot's owner knows of the workplace; None: the world itself.
+        seed: seed of all random numbers in it.
+        scene: D, the owner's knowledge of the workplace; None for the world itself.
         visit: the same robot on another day, see `MujocoRobot`.
         names: the world's names of the scene's bodies, where they differ.
     """
@@ -93,8 +93,11 @@ class SimulatedCell:
         return closer_png(self.world.spec(self.drawn), self._anchors())
 
     def _anchors(self) -> dict[str, Array]:
-        """Points (3,) m at which pictures name things: the middle of a top, or a free spot of one that
-        carries something; drawers and doors, which no plan touches, have names, too."""
+        """Points (3,), m, of the names in pictures.
+
+        A name is at the middle of a body's top, or at a free spot if the body carries others. Drawers
+        and doors, which no plan touches, have names as well.
+        """
         known = self.scene or self.world
         found: dict[str, Array] = {}
         for name, body in known.bodies.items():
@@ -105,6 +108,7 @@ class SimulatedCell:
                     continue
                 x, y, _ = free.position
             found[name] = np.array([x, y, body.top_z()])
+        # Bodies without a role: above the middle of their extent.
         roles, shapes = known.resolved.description.roles, known.resolved.shapes
         for element in roles.ignored:
             name = roles.compiled_name(element, element.get("name", ""))
@@ -114,7 +118,7 @@ class SimulatedCell:
         return found
 
     def robot(self) -> MujocoRobot:
-        """A new arm in a new copy of the world, with the scene's belief of base, arm and gravity."""
+        """A new arm in a new copy of the world; base, arm and gravity are believed as in the scene."""
         from palpate.robots.simulated.robot import MujocoRobot
 
         self._spec = self.world.spec(self.drawn)
@@ -143,6 +147,7 @@ class SimulatedCell:
         estimating only."""
         if self._compiled is None:
             self._compiled = self.world.resolved.compiled(self.drawn)
+        # The compiled value takes precedence over the drawn one.
         body = self._compiled.get(self.names.get(parameter.object, parameter.object))
         quantity = (self.scene or self.world).catalogue.get(parameter.quantity)
         acting = None if body is None or quantity is None else quantity.compiled(body)
@@ -150,8 +155,10 @@ class SimulatedCell:
 
 
 def draw_truth(scene: Scene, seed: int) -> dict[Parameter, tuple[float, ...]]:
-    """Draw values for all missing quantities from their priors, for a hidden world made from D; the
-    same for the same seed."""
+    """Draw values of all missing quantities from their priors, for a hidden world made from D.
+
+    Equal seeds give equal values.
+    """
     random = np.random.default_rng(seed)
     truth: dict[Parameter, tuple[float, ...]] = {}
     for parameter in scene.missing:
@@ -172,16 +179,18 @@ def simulated_cell(
     root: Path | None = None,
     robot_body: Sequence[str] = (),
 ) -> SimulatedCell:
-    """Make the hidden world for a scene: from an MJCF file, or a scene made of one, or, without
-    either, from the scene itself with its unknowns drawn from priors.
+    """Make the hidden world for a scene.
+
+    The world is an MJCF file, or a scene read from one. Without a world, it is the scene itself, with
+    unknowns drawn from priors.
 
     Args:
-        scene: None: the world is to be looked at, with `arm` in it.
+        scene: the scene; None for a world that is only looked at, with `arm` in it.
         tolerance: largest difference of an object's extents in scene and world, m.
-        seen: the scene was detected in a picture, with other names and shapes: its objects are the
-            nearest ones of the world, and the arm will not find one without a partner.
-        root: the folder outside of which none of the world's files is read.
-        robot_body: as `load_scene` takes it.
+        seen: the scene was detected in a picture, with other names and shapes. Its objects are the
+            nearest ones of the world; the arm does not find an object without a partner.
+        root: folder outside of which no file of the world is read.
+        robot_body: see `load_scene`.
 
     Raises:
         InputError: neither scene nor world; or the world does not match the scene within
@@ -192,6 +201,7 @@ def simulated_cell(
             raise InputError("a simulated cell needs a scene or a world to be made of")
         return SimulatedCell(scene, draw_truth(scene, seed), DRAWN, noise, seed)
     made_of = f"simulated world {world.name}"
+    # A file is compiled exactly as it is: no prior fills its gaps.
     if isinstance(world, Path):
         arm = scene.arm if scene is not None else arm
         world = load_scene(world, None, arm, NOTHING, root, robot_body)
@@ -207,7 +217,7 @@ def simulated_cell(
 
 
 def _require_match(scene: Scene, world: Scene, tolerance: float) -> None:
-    """Require every object and surface of the scene in the world, objects of about the same size.
+    """Require every object and surface of the scene in the world, with objects of similar size.
 
     Raises:
         InputError: one is missing, or differs.
@@ -219,6 +229,7 @@ def _require_match(scene: Scene, world: Scene, tolerance: float) -> None:
             f"{differs} the world has no {', '.join(absent)}; it has {', '.join(world.bodies)}"
         )
     _require_same_base(scene, world)
+    # Objects must agree in role and size; poses may differ.
     for name, mine in scene.objects.items():
         theirs = world.bodies[name]
         if mine.role != theirs.role:
@@ -233,8 +244,9 @@ def _require_match(scene: Scene, world: Scene, tolerance: float) -> None:
 
 
 def _require_same_base(scene: Scene, world: Scene) -> None:
-    """Require the arm's base at about the scene's pose; their exact difference stays hidden."""
+    """Require the arm's base near the scene's pose; the exact difference stays hidden."""
     mine, theirs = scene.pose_world_base, world.pose_world_base
+    # |q1 . q2| = cos of half the angle between two attitudes.
     turned = abs(float(mine.quaternion @ theirs.quaternion))
     if mine.distance_to(theirs) > BASE_TOLERANCE or turned < TURNED:
         raise InputError(
@@ -245,13 +257,17 @@ def _require_same_base(scene: Scene, world: Scene) -> None:
 
 
 def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
-    """Map each body of the scene to its name in the world. Objects are paired by horizontal distance,
-    nearest pair first; a surface takes the highest one below its middle. "" without a partner."""
+    """Map each body of the scene to its name in the world; "" without a partner.
+
+    Objects are paired by horizontal distance, the nearest pair first. A surface takes the highest
+    surface of the world below its middle.
+    """
 
     def middle(body: Body) -> Array:
         """(2,) m, seen from above."""
         return body.pose_world.apply(body.centre)[:2]
 
+    # Horizontal distances of all pairs of objects.
     pairs: list[tuple[float, str, str]] = []
     for mine, theirs in product(scene.objects.values(), world.objects.values()):
         distance = float(np.linalg.norm(middle(mine) - middle(theirs)))
@@ -261,6 +277,7 @@ def _names_by_place(scene: Scene, world: Scene) -> dict[str, str]:
     for distance, name, partner in sorted(pairs):
         if distance < NEAR and not names[name] and partner not in names.values():
             names[name] = partner
+    # Surfaces of the world whose outline contains the middle of the scene's surface.
     for name, body in scene.surfaces.items():
         below = [
             surface

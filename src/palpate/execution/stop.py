@@ -1,8 +1,8 @@
-"""Controlled stop with a held object: it is put down, or held still, never dropped.
+"""Controlled stop with a held object: it is put down or held still, never dropped.
 
-It is put down only on a proven support: believed to be below with a margin, met at about that height,
-and bearing the whole weight and more, at rest and for a while. Anything less, an edge, a push that comes
-and goes, leaves it in the closed fingers.
+It is put down only on a proven support. The support is believed to be below with a margin, and is met
+near that height. It carries more than the whole weight, at rest, for `PROVEN` s. In all other cases,
+for example at an edge or with a varying force, the object stays in the closed fingers.
 """
 
 from __future__ import annotations
@@ -24,30 +24,32 @@ from palpate.primitives.state import SymbolicState
 from palpate.robots.safety import Expectation
 
 AT_GRASP = 0.003
-"""m from the height of an object's grasp up to which it still stands on its support."""
+"""m, height above an object's grasp pose up to which the object is still on its support."""
 EXTRA_TRAVEL = 0.015
-"""m below the believed support: covers the arm's sag, the pose's error and a soft support."""
+"""m of travel below the believed support: covers sag of the arm, pose error and a soft support."""
 PRESSED = 5.0
-"""N that the object presses on its support, besides its whole weight, before it counts as borne."""
-STILL_PRESSED = 2.0  # N of it that must remain after `PROVEN`
-PROVEN = 0.5  # s that the support must bear it, at rest
+"""N on the support in addition to the whole weight, until the support counts as met."""
+STILL_PRESSED = 2.0  # N of that force that must remain during `PROVEN`
+PROVEN = 0.5  # s at rest for which the support must carry the object
 PRESSES = 3
-"""Number of presses, each by `PRESSED` more: an object that hung askew between the pads turns as it comes
-to lie flat, and yields meanwhile."""
+"""Number of presses, each by `PRESSED` more.
+
+An object that hung askew between the pads turns until it lies flat, and yields meanwhile.
+"""
 STAYS = "it stays in the fingers"
-RETREAT_SPEED = 0.05  # m/s
-RETREAT = 0.10  # m
+RETREAT_SPEED = 0.05  # m/s, speed of the retreat upwards
+RETREAT = 0.10  # m, length of the retreat upwards
 
 Fate = Literal["put down", "held", "lost"]
 
 
 @dataclass(frozen=True, slots=True)
 class HeldObject:
-    """Object in the fingers as a run was stopped, and its fate.
+    """Object in the fingers at the stop of a run, and its fate.
 
     Attributes:
         object: its name; None for an object that was just grasped.
-        became: `put down` on a support that bears it; still `held`; or `lost`: it slipped out of the
+        became: `put down` on a support that carries it; still `held`; or `lost`: it slipped out of the
             fingers, and its place is unknown.
     """
 
@@ -61,7 +63,7 @@ class HeldObject:
 
     @property
     def warning(self) -> str | None:
-        """Warning about it; None where it was put down."""
+        """Warning about the object; None if it was put down."""
         if self.became == "held":
             return f"the fingers still hold {self.name}"
         if self.became == "lost":
@@ -72,10 +74,10 @@ class HeldObject:
 
 
 class PutDown(Primitive):
-    """Lower the held object until its support bears its weight, open the fingers, retreat upwards.
+    """Lower the held object until its support carries its weight, open the fingers, retreat upwards.
 
-    Fails, and leaves the object in the closed fingers, where no support is proven. Not part of the
-    vocabulary: only the runner uses it, on its way to a controlled stop.
+    Without a proven support it fails, and leaves the object in the closed fingers. It is not part of
+    the vocabulary: only the runner uses it, in a controlled stop.
     """
 
     claims: ClassVar = ARM | GRIPPER
@@ -86,13 +88,13 @@ class PutDown(Primitive):
         return Expectation(contact=True, grasped=state.holding is not None)
 
     def slipping(self, blackboard: Blackboard) -> str | None:
-        """None: a slipping object is put down, too, as long as the fingers have it."""
+        """None: a slipping object is put down as well, as long as the fingers have it."""
         return None
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
         blackboard.set_reflex(robot.limits.reflexes.contact)
-        # A fixture stays where its handle is let go of.
+        # A fixture needs no support: it stays in place when its handle is released.
         if name is not None and name not in blackboard.scene.fixtures:
             yield from self._to_support(blackboard, name)
         blackboard.state = state_after_release(blackboard)
@@ -104,9 +106,9 @@ class PutDown(Primitive):
         return f"put {name or 'what was just grasped'} down"
 
     def _to_support(self, blackboard: Blackboard, name: str) -> Wait:
-        """Lower the object onto a support; an object that was never lifted is on it."""
+        """Lower the object onto a support; an object that was never lifted is on it already."""
         state, held = blackboard.state, held_pose(blackboard)
-        # It would stand straight below.
+        # The place where the object would stand, straight below.
         gap = footing(state, name, held).gap
         place = held.translate((0.0, 0.0, -gap)) if np.isfinite(gap) else held
         if reason := unproven(state, name, place):
@@ -119,7 +121,11 @@ class PutDown(Primitive):
             yield from self._lower(blackboard, name, place)
 
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Wait:
-        """Move down to the support, until it bears the object."""
+        """Move down until the support carries the object.
+
+        Raises:
+            LeafFailure: no support, an obstacle above it, or a support that yields.
+        """
         robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
         travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL
         robot.move_axis(DOWN, GUARDED_SPEED, travel)
@@ -129,11 +135,13 @@ class PutDown(Primitive):
             raise LeafFailure(f"no support within {1e3 * travel:.0f} mm below '{name}': {STAYS}")
         yield from finish(blackboard)
         yield from settle(blackboard)
+        # A contact well above the believed support is an obstacle.
         early = height_above(blackboard, place)
         if early > POSE_ERROR:
             raise LeafFailure(
                 f"'{name}' met something {1e3 * early:.0f} mm above its support: {STAYS}"
             )
+        # Press harder until the support carries the object for `PROVEN` s.
         for press in range(PRESSES):
             if press > 0:
                 deeper = PRESSED / blackboard.scene.arm.stiffness.translation
@@ -146,8 +154,10 @@ class PutDown(Primitive):
 
 
 def let_slip(blackboard: Blackboard) -> bool:
-    """Open the fingers at once if an object that they press on its support slips out of them, and say so:
-    closing on, they would tip it over."""
+    """Open the fingers at once if an object slips while they press it on its support.
+
+    Fingers that close further would tip it over. Returns True if they were opened.
+    """
     state, load = blackboard.robot.state, blackboard.load
     slips = blackboard.state.holding is not None and load.slip(state.width) is not None
     if not slips or load.borne(state.contact) > -UNFELT:
@@ -158,8 +168,10 @@ def let_slip(blackboard: Blackboard) -> bool:
 
 
 def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:
-    """Reason why an object might not stay at a place: another object below, on which it did not stand
-    before, may tip under it; None where it would stay."""
+    """Reason why an object might not stay at a place; None if it would stay.
+
+    A new support that is itself an object may tip under it.
+    """
     if not is_as_found(state, name, place):
         for owner in footing(state, name, place).owners:
             if owner in state.scene.objects:
@@ -168,7 +180,7 @@ def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:
 
 
 def is_borne(blackboard: Blackboard) -> Generator[float | None, None, bool]:
-    """Wait for `PROVEN` s; False as soon as the support does not bear the object."""
+    """Wait for `PROVEN` s; False as soon as the support does not carry the object."""
     robot, filtered = blackboard.robot, WrenchFilter(blackboard.robot)
     start = robot.state.t
     while robot.state.t - start < PROVEN:
@@ -179,7 +191,7 @@ def is_borne(blackboard: Blackboard) -> Generator[float | None, None, bool]:
 
 
 def held_pose(blackboard: Blackboard) -> Pose:
-    """Pose of the held object by the present pose of the arm."""
+    """Pose of the held object in the world, from the measured pose of the arm."""
     held = blackboard.state.pose_tcp_object
     tcp = blackboard.robot.state.pose_world_tcp
     return tcp if held is None else tcp @ held
@@ -191,7 +203,7 @@ def height_above(blackboard: Blackboard, place: Pose) -> float:
 
 
 def state_after_release(blackboard: Blackboard) -> SymbolicState:
-    """Symbolic state after the fingers opened at their present pose."""
+    """Symbolic state after the fingers opened at their current pose."""
     state, tcp = blackboard.state, blackboard.robot.state.pose_world_tcp
     moved = dict(state.moved)
     if state.holding is not None and state.pose_tcp_object is not None:
@@ -212,8 +224,10 @@ def state_after_release(blackboard: Blackboard) -> SymbolicState:
 
 
 def lost(blackboard: Blackboard) -> SymbolicState:
-    """Symbolic state after an object slipped out of the fingers: the best guess is its place in the
-    scene, as most slip before they are far from their support."""
+    """Symbolic state after an object slipped out of the fingers.
+
+    The best guess is its place in the scene, as most objects slip near their support.
+    """
     state, name = state_after_release(blackboard), blackboard.state.holding
     moved = {other: pose for other, pose in state.moved.items() if other != name}
     return replace(state, moved=moved)

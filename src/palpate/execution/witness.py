@@ -1,6 +1,6 @@
-"""Record of contact forces and object poses from MuJoCo's own state, after every physics step.
+"""Record of contact forces and object poses from MuJoCo's state, after every physics step.
 
-It is independent of plans, checks and verdicts; `harm` judges it.
+It is independent of plans, checks and verdicts. `palpate.execution.harm` judges it.
 """
 
 from __future__ import annotations
@@ -23,17 +23,17 @@ if TYPE_CHECKING:
 
 
 ALONG = 0.7
-"""Cosine between a pad's contact normal and the closing axis, above which the contact belongs to a grip."""
+"""Least cosine between a contact normal and the closing axis for a contact of a grip."""
 LET_GO = 0.02
-"""s without grip contacts after which an object counts as released."""
+"""s without grip contacts until an object counts as released."""
 LOOK = 10
 """Physics steps between two records of the poses: 5 ms. A fall of 13 mm takes 51 ms."""
 LEANING = 0.7
-"""|n_z| of a contact normal below which the contact supports an object sideways."""
+"""Largest |n_z| of the normal of a contact that supports an object sideways."""
 FACING = 0.5
-"""Cosine between a push and the opposing normal, above which a contact supports against it."""
+"""Least cosine between a push and the opposing normal for a contact that resists the push."""
 SHOVED = 25.0
-"""N: least horizontal force for which it is tested whether the object can give way."""
+"""N, least horizontal force for which the supports of the object are tested."""
 BALL = int(mujoco.mjtGeom.mjGEOM_SPHERE)
 REVOLVED = (int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
 """Types of geoms of revolution about their z axis."""
@@ -45,7 +45,7 @@ Frames = list[list[float]]
 
 
 class Pair(NamedTuple):
-    """Contact pair: a body of the robot, or the object that it grips, and a thing."""
+    """Contact pair: a body of the robot or the gripped object, and another body."""
 
     part: str
     thing: str
@@ -59,8 +59,8 @@ class ContactForces:
 
     Attributes:
         steps: number of the step.
-        vectors: three for every step, N, world axes, on the thing.
-        blocked: steps in which another body supported the thing sideways.
+        vectors: three components for every step, N, world axes, on the touched body.
+        blocked: steps in which another body supported the touched body sideways.
     """
 
     steps: array[int] = field(default_factory=lambda: array("q"))
@@ -68,7 +68,7 @@ class ContactForces:
     blocked: set[int] = field(default_factory=set[int])
 
     def first(self, count: int) -> ContactForces:
-        """Of the first `count` steps."""
+        """Contact forces of the first `count` steps."""
         steps = self.steps[:count]
         return ContactForces(steps, self.vectors[: 3 * count], self.blocked.intersection(steps))
 
@@ -96,13 +96,13 @@ class PoseRecord(NamedTuple):
 
 
 class Touching(NamedTuple):
-    """Contacts of a step, sorted by what is held; independent of the forces.
+    """Contacts of a step, classified by the held object; independent of the forces.
 
     Attributes:
         pairs: the two geoms of each contact.
-        mine: contacts of the robot, and of what it grips.
-        fingers: those of a finger with an object: the contact, the finger, the object.
-        presses: contacts with other bodies: the contact, the pair, the sign of its force.
+        mine: contacts of the robot and of the gripped object.
+        fingers: contacts of a finger with an object: numbers of contact, finger and object.
+        presses: contacts with other bodies: number of the contact, pair, sign of its force.
         touched: (objects,) touching anything.
     """
 
@@ -119,11 +119,11 @@ class Witness:
     Attributes:
         period: s, the shortest physics step.
         objects: names of the free bodies.
-        masses: of these, kg.
-        forces: by pair.
-        axes: (3,) axis of revolution of each object in its own frame, about which it may roll: zero for
+        masses: their masses, kg.
+        forces: contact forces by pair.
+        axes: (3,) axis of revolution of each object in its own frame, about which it may roll. Zero for
             a ball, None for other shapes.
-        looks: every 5 ms, the first one before any motion.
+        looks: poses every 5 ms, the first ones before any motion.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
@@ -133,6 +133,7 @@ class Witness:
         self.steps = 0
         self.forces: dict[Pair, ContactForces] = {}
         self._name_geoms()
+        # Objects are the bodies with a free joint.
         free = [b for b in range(1, model.nbody) if _is_free(model, b)]
         self.objects = tuple(model.body(b).name for b in free)
         self.masses = tuple(float(model.body_subtreemass[b]) for b in free)
@@ -140,15 +141,17 @@ class Witness:
         number = {body: i for i, body in enumerate(free)}
         roots: list[int] = model.body_rootid[model.geom_bodyid].tolist()
         self._object = np.array([number.get(root, -1) for root in roots], dtype=np.int32)
-        # Drawers and doors are gripped, too, but no objects: they are numbered after these.
+        # Drawers and doors can be gripped, but are no objects: they are numbered after the objects.
         moving: list[int] = model.body_weldid[model.geom_bodyid].tolist()
         self._graspable = [
             number.get(root, len(free) + body if body and model.body_dofnum[body] else -1)
             for root, body in zip(roots, moving, strict=True)
         ]
+        # Masks over the geoms: of the robot, and of the robot with its load.
         self._robot = np.array([_is_robot(model, b) for b in model.geom_bodyid])
         self._mine = self._robot.copy()
         self._object_of, self._robot_geoms = self._object.tolist(), _set(self._robot)
+        # Addresses of the seven coordinates of each object in qpos.
         first = [int(model.jnt_qposadr[model.body_jntadr[b]]) for b in free]
         self._qpos = np.array([range(i, i + 7) for i in first], dtype=np.int32).reshape(-1, 7)
         self._find_fingers()
@@ -171,6 +174,7 @@ class Witness:
         touching = self._who_touches(data.contact.geom)
         if touching.mine:
             self._note_forces(data, touching)
+        # Without grip contacts for some time, the object counts as released.
         if self.steps - self._gripped.get(self._held, self.steps) > self._let_go:
             self._hold(-1)
         # A longer step counts for several.
@@ -179,7 +183,7 @@ class Witness:
             self.looks.append(self._look(data, touching.touched))
 
     def mark(self) -> Callable[[], None]:
-        """Return what undoes all steps from here on."""
+        """Return a function that undoes all steps from now on."""
         steps, looks, held = self.steps, len(self.looks), self._held
         gripped, rows = dict(self._gripped), {p: len(f.steps) for p, f in self.forces.items()}
 
@@ -192,7 +196,7 @@ class Witness:
         return undo
 
     def _who_touches(self, geoms: Ints) -> Touching:
-        # Most steps have the contacts of the step before.
+        # Most steps have the same contacts as the step before.
         pairs = geoms.tobytes(), self._held
         if pairs != self._known:
             self._known, self._last = pairs, self._looked_up(geoms)
@@ -217,19 +221,20 @@ class Witness:
             side, other = self._sides(pairs[i])
             load = side not in self._robot_geoms
             if not self._is_own(side, other, load):
-                # MuJoCo's force is what the first geom does to the second.
+                # MuJoCo states the force of the first geom on the second.
                 sign = 1.0 if side == pairs[i][0] else -1.0
                 found.append((i, Pair(self._part[side], self._part[other], load), sign))
         return found
 
     def _note_forces(self, data: mujoco.MjData, touching: Touching) -> None:
-        """Record the forces of the robot, and of the gripped object, on everything else."""
+        """Record the forces of the robot and of the gripped object on all other bodies."""
         frames: Frames = data.contact.frame.tolist()
         held = self._held
         grips = self._grips(data, touching.fingers, frames)
         presses = touching.presses
         if self._held != held:
             presses = self._presses(touching.pairs, touching.mine)
+        # Sum the contact forces of each pair, without those of the commanded grip.
         sums: dict[Pair, list[float]] = {}
         for i, pair, sign in presses:
             if i not in grips:
@@ -238,6 +243,7 @@ class Witness:
             forces = self.forces.setdefault(pair, ContactForces())
             forces.steps.append(self.steps)
             forces.vectors.extend((x, y, z))
+            # A hard push is worse where another body supports the object from the other side.
             shoved = x * x + y * y > SHOVED**2
             if shoved and self._has_block(pair.thing, (x, y), touching.pairs, frames):
                 forces.blocked.add(self.steps)
@@ -245,10 +251,14 @@ class Witness:
     def _grips(
         self, data: mujoco.MjData, fingers: Iterable[tuple[int, int, int]], frames: Frames
     ) -> set[int]:
-        """Contacts of the commanded grip: of both fingers with one object, along the closing axis."""
+        """Numbers of the contacts of the commanded grip.
+
+        Both fingers touch one object, with normals along the closing axis.
+        """
         if not fingers:
             return set()
         found: dict[int, dict[int, list[int]]] = {}
+        # Contacts of each finger by object, if the normal is along the closing axis.
         x, y, z = data.xaxis[self._closing].tolist()
         for i, finger, thing in fingers:
             normal = frames[i]
@@ -268,7 +278,7 @@ class Witness:
         self, data: mujoco.MjData, i: int, sign: float, frame: list[float], total: list[float]
     ) -> None:
         mujoco.mj_contactForce(self._model, data, i, self._force)
-        normal, first, second = self._force[:3].tolist()  # in the contact's frame
+        normal, first, second = self._force[:3].tolist()  # components in the contact's frame
         for axis in range(3):
             along = normal * frame[axis] + first * frame[3 + axis] + second * frame[6 + axis]
             total[axis] += sign * along
@@ -282,7 +292,7 @@ class Witness:
         return self._held >= 0 and self._object_of[other] == self._held and mine in self._finger
 
     def _sides(self, pair: list[int]) -> tuple[int, int]:
-        """Sort a contact's geoms: the robot's, else the load's, and the other one."""
+        """Order a contact's geoms: that of the robot, or else of the load, comes first."""
         one, two = pair
         if one in self._robot_geoms:
             return one, two
@@ -293,7 +303,7 @@ class Witness:
     def _has_block(
         self, thing: str, push: tuple[float, float], pairs: list[list[int]], frames: Frames
     ) -> bool:
-        """True if a body other than the robot supports the thing against a horizontal push."""
+        """True if a body other than the robot supports `thing` against a horizontal push."""
         for (one, two), frame in zip(pairs, frames, strict=True):
             involved = thing in (self._part[one], self._part[two])
             others = not (self._mine[one] or self._mine[two])
@@ -306,7 +316,7 @@ class Witness:
         return False
 
     def _hold(self, thing: int) -> None:
-        """Assign the object `thing` to the hand; -1 for none."""
+        """Set the held object by its number; -1 for none."""
         if thing == self._held:
             return
         self._held = thing
@@ -319,7 +329,7 @@ class Witness:
         return PoseRecord(self.steps, poses, hand, self._held, touched)
 
     def _name_geoms(self) -> None:
-        """Name each geom by its body, or by itself if it belongs to the world body."""
+        """Name each geom by its body; geoms of the world body keep their own names."""
         model = self._model
         self._part: list[str] = []
         for geom, body in enumerate(model.geom_bodyid.tolist()):
@@ -327,7 +337,10 @@ class Witness:
             self._part.append(name or f"geom {geom}")
 
     def _find_fingers(self) -> None:
-        """Find the fingers, the robot's sliding joints, and the hand, their parent body."""
+        """Find the fingers and the hand.
+
+        Fingers are the robot's sliding joints, and the hand is their parent body.
+        """
         model = self._model
         self._finger: dict[int, int] = {}
         self._hand = self._closing = 0
@@ -353,6 +366,7 @@ def _axis(model: mujoco.MjModel, body: int) -> Array | None:
     """Axis of revolution (3,) of a body with a single colliding geom, in the body's frame."""
     solid = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = np.flatnonzero(solid & (model.body_rootid[model.geom_bodyid] == body)).tolist()
+    # Only a single sphere, cylinder or capsule rolls about an axis of its own.
     kinds = {int(model.geom_type[geom]) for geom in geoms}
     if len(geoms) != 1 or model.geom_bodyid[geoms[0]] != body or not kinds <= {BALL, *REVOLVED}:
         return None
