@@ -65,8 +65,8 @@ heights. The best is first.
 """
 
 FAR, ASTRAY = 4.0, 2000.0
-"""px. Cost of one pixel of distance between label and object, and of a crossing line or an
-ambiguous label. The unit is hidden pixels of objects.
+"""Hidden object pixels. Cost of one pixel of distance between label and object, and of a crossing
+line or an ambiguous label.
 """
 
 Pixel = tuple[float, float]

@@ -136,7 +136,7 @@ def film_of(footage: Footage, trace: Trace | None) -> Film | None:
     if not footage.frames:
         return None
     shot = Shot.of(footage)
-    # Frames that are not sent yet, with their captions.
+    # The caption of each frame needs the trace; without one it is empty.
     frames = [footage.frames[row] for row in shot.rows(footage)]
     said = [NOTHING] * len(frames)
     if trace is not None:
@@ -365,6 +365,7 @@ class Reel:
         until: float = np.inf,
     ) -> Chunk:
         """Return the frames to be rendered next, up to robot time `until`, s."""
+        # Frames that are not sent yet, with their captions.
         frames = [footage.frames[row] for row in shot.rows(footage)[self._sent :]]
         frames = [frame for frame in frames if frame[0] <= until]
         self._sent += len(frames)

@@ -1,4 +1,4 @@
-"""Grammar of requests and the meanings of its rules."""
+"""Grammar of requests, and the meanings of its rules."""
 
 from __future__ import annotations
 
@@ -32,18 +32,17 @@ from palpate.planning.request.selection import OBJECT_NOUNS
 _SYMBOL = re.compile(r"<\w+>|=>|[\[\](){}|]|[^\s\[\](){}|]+")
 _CLOSING = {"[": "]", "(": ")", "{": "}"}
 MOST = 12
-"""Readings of one stretch that are kept; a sentence with more is refused all the same, for two
-suffice."""
+"""Maximum number of readings per stretch. Two different ones already make a sentence ambiguous."""
 
 Meanings = tuple[Hashable, ...]
 Edges = Mapping[str, Sequence[tuple[int, Meanings]]]
-"""Words and classes that begin at one place, with end and meanings."""
+"""Words and classes that begin at one position, with end and meanings."""
 Actions = Mapping[str, Callable[..., Hashable]]
 
 
 @dataclass(frozen=True, slots=True)
 class GrammarRule:
-    """Alternative of a name: its parts, and what makes one meaning of theirs."""
+    """Alternative of a symbol: its parts, and the action that combines their meanings."""
 
     parts: tuple[str, ...]
     action: tuple[str, ...] = ()
@@ -55,7 +54,7 @@ Rules = Mapping[str, Sequence[GrammarRule]]
 
 @dataclass(slots=True)
 class CheapestReadings:
-    """The cheapest readings of one stretch."""
+    """Cheapest readings of one stretch."""
 
     cost: int
     meanings: dict[Meanings, None]
@@ -65,9 +64,9 @@ Ends = dict[int, CheapestReadings]
 
 
 class DerivationChart:
-    """The derivations of one sentence, each stretch derived once.
+    """Chart of the derivations of one sentence; each stretch is derived once.
 
-    Of a stretch that one name derives in several ways, the cheapest are kept.
+    If a symbol derives a stretch in several ways, the cheapest are kept.
     """
 
     def __init__(self, actions: Actions, lattice: Sequence[Edges]) -> None:
@@ -76,13 +75,15 @@ class DerivationChart:
         self._known: list[dict[str, Ends]] = [{} for _ in [*lattice, None]]
 
     def derived(self, name: str, start: int) -> Ends:
-        """Ends and readings of a name from a place."""
+        """Return the ends and readings of a symbol from a position."""
         if not name.startswith("<"):
+            # A terminal: its readings come from the lattice.
             edges = self._lattice[start].get(name, ()) if start < len(self._lattice) else ()
             ends: Ends = {}
             for end, meanings in edges:
                 _add(ends, end, CheapestReadings(0, {meanings: None}))
             return ends
+        # Memoise before the rules are applied. A left-recursive rule then finds no readings.
         known = self._known[start]
         if name not in known:
             known[name] = {}
@@ -91,7 +92,8 @@ class DerivationChart:
         return known[name]
 
     def _apply(self, rule: GrammarRule, start: int, ends: Ends) -> None:
-        """Add what the rule derives from `start`."""
+        """Add the derivations of a rule from `start`."""
+        # Extend the partial readings part by part; costs add up and meanings multiply.
         so_far: Ends = {start: CheapestReadings(rule.cost, {(): None})}
         for part in rule.parts:
             following: Ends = {}
@@ -102,6 +104,7 @@ class DerivationChart:
             so_far = following
             if not so_far:
                 return
+        # Combine the meanings of the parts by the action of the rule.
         for end, found in so_far.items():
             if rule.action:
                 made = dict.fromkeys(self._apply_action(rule.action, one) for one in found.meanings)
@@ -115,6 +118,7 @@ class DerivationChart:
 
 
 def _add(ends: Ends, end: int, found: CheapestReadings) -> None:
+    """Keep the cheaper readings of an end, or merge those of equal cost."""
     known = ends.get(end)
     if known is None or found.cost < known.cost:
         ends[end] = CheapestReadings(found.cost, dict(found.meanings))
@@ -124,16 +128,20 @@ def _add(ends: Ends, end: int, found: CheapestReadings) -> None:
 
 @cache
 def grammar() -> Rules:
-    """The rules of `words/grammar.txt`, by name; a bracket becomes a name of its own."""
+    """Return the rules of `words/grammar.txt` by name; a bracket becomes a symbol with a generated
+    name.
+    """
     text = files("palpate.planning.request").joinpath("words", "grammar.txt")
     rules: dict[str, list[GrammarRule]] = {}
     name = ""
     for line in text.read_text(encoding="utf-8").splitlines():
         line = line.split("#", 1)[0].rstrip()
+        # A header line names the symbol of the rules below it.
         if line.endswith(":") and not line.startswith(" "):
             name = f"<{line[:-1]}>"
             rules[name] = []
         elif line:
+            # A rule line: parts, action after "=>", cost after " +".
             said, _, price = line.partition(" +")
             said, _, action = said.partition("=>")
             (parts,) = _alternatives(_SYMBOL.findall(said), "", rules)
@@ -144,7 +152,7 @@ def grammar() -> Rules:
 def _alternatives(
     symbols: list[str], closing: str, rules: dict[str, list[GrammarRule]]
 ) -> list[tuple[str, ...]]:
-    """Read up to `closing`; consumes `symbols`."""
+    """Parse alternatives up to `closing`; consumes `symbols`."""
     found: list[tuple[str, ...]] = []
     parts: list[str] = []
     while symbols:
@@ -155,6 +163,7 @@ def _alternatives(
             found.append(tuple(parts))
             parts = []
         elif symbol in _CLOSING:
+            # ( ) groups, [ ] is optional, { } repeats: the last two also derive nothing.
             inside = _alternatives(symbols, _CLOSING[symbol], rules)
             name = f"<{symbol}{'|'.join(' '.join(one) for one in inside)}>"
             repeated = [GrammarRule((*one, name) if symbol == "{" else one) for one in inside]
@@ -167,21 +176,22 @@ def _alternatives(
 
 @cache
 def literals() -> frozenset[str]:
-    """Words of the grammar itself."""
+    """Return the literal words of the grammar."""
     parts = [part for rules in grammar().values() for rule in rules for part in rule.parts]
     return frozenset(part for part in parts if part.islower() and not part.startswith("<"))
 
 
-# Meanings of the grammar's rules: the functions behind `=> action`, from the meanings of the parts.
+# Actions of the grammar: functions behind `=> action`, from the meanings of the parts to that of
+# the rule.
 
 
 Words = tuple[str, ...]
 Part = NamedQuantity | Selector | str
-"""A quantity, also by its id, or a selector."""
+"""Quantity, quantity id, or selector."""
 
 
 def _kind(*parts: str | Words) -> Kind:
-    """All of a noun, behind their number, if it was said."""
+    """All bodies of a noun, with their number if stated."""
     (words,) = (part for part in parts if not isinstance(part, str))
     return Kind(words, next((part for part in parts if isinstance(part, str)), ""))
 
@@ -204,12 +214,12 @@ def _choice(*parts: Selector) -> Several:
 
 
 def _all_of(selector: Selector) -> Selector:
-    """All of a choice, where it is not wanted."""
+    """Replace a choice by all of its parts."""
     return Several(selector.parts) if isinstance(selector, Several) else selector
 
 
 def _each(selector: Selector) -> Selector:
-    """All of a kind, where one of it is looked for: "the heaviest box", "which box"."""
+    """Select all bodies of a kind for a comparison: "the heaviest box", "which box"."""
     match selector:
         case Names(words, bare) if bare or words[-1] in OBJECT_NOUNS:
             return Kind(words)
@@ -234,7 +244,7 @@ def _near(base: Selector, relation: str, marks: tuple[Selector, ...]) -> Near:
 
 
 def _top(base: Selector) -> Near:
-    """ "The top of the table", which is no part of it; of anything but a surface it is."""
+    """ "The top of the table": for a surface the body itself, for anything else a part."""
     return Near(base, "top", ())
 
 
@@ -253,7 +263,7 @@ def _of(*parts: Part) -> tuple[Query, ...]:
 
 
 def _how_large(asked: NamedQuantity, *parts: Part) -> tuple[Query, ...]:
-    """ "How high is the friction"; of a centre of mass the third axis."""
+    """ "How high is the friction"; for a centre of mass, its third axis."""
     named = _quantities(parts)
     if asked.id == "height" and any(quantity.id == "com" for quantity in named):
         named = _quantities(("com_3d",))
@@ -269,8 +279,11 @@ def _that(selector: Selector) -> Query:
 
 
 def _say(how: str, *parts: Query | NamedQuantity) -> Say:
-    """Quantities that no thing follows are of the thing of those behind them: "neither the mass nor
-    the friction of the mug"."""
+    """Combine queries. A quantity without a selector takes that of the next query.
+
+    Example: "neither the mass nor the friction of the mug".
+    """
+    # Go backwards, so that the next selector is known.
     queries: list[Query] = []
     selector: Selector | None = None
     for part in reversed(parts):
@@ -300,7 +313,7 @@ def _missing(selector: Selector | None = None) -> Say:
 
 
 def _compare(*parts: Part) -> Say:
-    """The quantity of everything that is compared; of all, if nothing is named."""
+    """Request the quantity of all compared bodies; of all bodies if none is named."""
     selectors = tuple(map(_each, _selectors(parts))) or (Again("all"),)
     return Say("want", _of(*_quantities(parts)[:1], _several(*selectors)))
 

@@ -1,21 +1,21 @@
-"""Grounding: from the words of a request to parameters of a scene.
+"""Grounding of a request: from its words to parameters of a scene.
 
-A reading is *sure* if every word of every sentence belongs to a clause that the grammar derives
-(`words/grammar.txt`) or to the frame around it; a background sentence is set aside whole
-(`Lattice.is_background`). With words left over it is a *proposal*, if it names parameters, which the user
-confirms. Otherwise the request is refused, as is one with two readings that ask for different parameters.
+A reading is *sure* if every word of every sentence belongs to a clause of the grammar
+(`words/grammar.txt`) or to its frame. A background sentence is set aside as a whole
+(`Lattice.is_background`). With words left over, the reading is a *proposal* if it names parameters;
+the user confirms it. Otherwise the request is rejected. A request with two readings for different
+parameters is rejected too.
 
-1. Words: phrases of other languages are translated in place (`languages`), misspelt words are corrected
-   (`tokens`).
-2. Lattice: the classes of each word (`lattice`): noun of the scene, quantity, relation, …
-3. Cover of each sentence by clauses (`grammar`, `cover`), the cheapest of several.
-4. Queries (`query`): a quantity of selected bodies, wanted or excluded, clause by clause (`reading`).
-5. Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
+1. Words: phrases of other languages are translated in place (`languages`), misspelt words are
+corrected (`tokens`). 2. Lattice: the classes of each word (`lattice`): noun of the scene, quantity,
+relation, … 3. Cover of each sentence by the cheapest clauses (`grammar`, `cover`). 4. Queries
+(`query`): a quantity of selected bodies, wanted or excluded, clause by clause (`reading`). 5.
+Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
 
-A quantity without a body is that of the last mentioned body that can have it ("The bottle is new. I need
-its mass."), else of all that miss it. A comparison asks for the quantity of everything compared. A purpose
-("to simulate pushing the mug") asks for the missing parameters that it depends on; a body alone for all
-that is missing of it. Both are remarked on.
+A quantity without a body applies to the last mentioned body that can have it ("The bottle is new. I
+need its mass."), else to all bodies that miss it. A comparison requests the quantity of everything
+compared. A purpose ("to simulate pushing the mug") requests the missing parameters that it depends
+on. A body alone requests all its missing parameters. The last two are stated in a remark.
 """
 
 from __future__ import annotations
@@ -53,18 +53,19 @@ from palpate.planning.request.words import (
 from palpate.scene.scene import Scene
 
 LONGEST = 60
-"""Words of the longest sentence that is read."""
+"""Maximum number of words in a sentence."""
 MOST = 24
-"""Readings of a whole request that are looked into; with more it is refused."""
+"""Maximum number of examined readings of a request; one with more is rejected."""
 
 
 def ground(request: str, scene: Scene) -> Grounded:
     """Ground a request in a scene.
 
     Raises:
-        InputError: empty or too long, or it names an object that the scene does not have (the
-            message lists those it has). PlanRejected: ambiguous, or not understood; the message
-            says what was not, and what to say instead, `proposal` what it may ask for.
+        InputError: the request is empty or too long, or names an unknown object. The message lists
+            the known ones.
+        PlanRejected: the request is ambiguous or not understood. The message states the words and
+            an alternative; `proposal` has the candidate parameters.
     """
     if not request.strip():
         raise InputError("the request is empty; say what is unknown, e.g. 'the mass of the bottle'")
@@ -72,6 +73,7 @@ def ground(request: str, scene: Scene) -> Grounded:
         raise InputError(
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
+    # Translate to English, correct misspelt words, and split into sentences.
     language = spoken(request)
     lattice = Lattice(scene, colours(language))
     said = tokens(in_english(lattice.nouns.apart(request), lattice.nouns.names, language))
@@ -79,6 +81,7 @@ def ground(request: str, scene: Scene) -> Grounded:
     dropped = english().sets["dropped"] - lattice.nouns.names
     words = [slips.get(word, word) for word in said if word not in dropped]
     parts = _sentences(request, list(sentences(words)), lattice)
+    # Ground every reading; all must agree. On failure, offer a proposal.
     try:
         acts = _readings(parts, request, lattice, Resolver(scene))
         found = _agreed([_ground_acts(one, scene, lattice, request, parts) for one in acts])
@@ -93,7 +96,7 @@ def ground(request: str, scene: Scene) -> Grounded:
 
 
 def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -> list[Sentence]:
-    """Cover each sentence."""
+    """Cover each sentence by clauses."""
     own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
     own = own if len(own) == len(parts) else [request] * len(parts)
     longest = max(map(len, parts), default=0)
@@ -109,15 +112,22 @@ def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -
 def _readings(
     parts: Sequence[Sentence], request: str, lattice: Lattice, resolver: Resolver
 ) -> list[list[Act]]:
-    """Each choice of one reading a sentence, where every word belongs to one."""
+    """Return all combinations of one reading per sentence.
+
+    Raises:
+        PlanRejected: a word belongs to no clause, or there are too many combinations.
+    """
     for part in parts:
         if part.covers and part.covers[0].unsure:
+            # Explain the failure: a quantity that nothing measures, an unknown word, or a leftover
+            # word.
             unfelt = lattice.unfelt(part.words)
             if unfelt is not None:
                 raise PlanRejected(resolver.not_measurable(unfelt))
             left = [part.words[at] for at in part.covers[0].left]
             unknown = [word for word in part.words if lattice.is_unknown(word)]
             raise resolver.not_understood(unknown or left, part.own)
+    # Limit the number of combinations, which grows exponentially.
     choices = list(islice(product(*(part.readings for part in parts)), MOST + 1))
     if len(choices) > MOST:
         raise PlanRejected("the request can be read in too many ways; say it in short sentences")
@@ -128,7 +138,11 @@ def _readings(
 
 
 def _agreed(found: Sequence[Grounded]) -> Grounded:
-    """The one meaning of all readings."""
+    """Return the common meaning of all readings.
+
+    Raises:
+        PlanRejected: two readings ask for different parameters.
+    """
     first = found[0]
     for other in found:
         if set(other.asked) != set(first.asked):
@@ -142,7 +156,7 @@ def _agreed(found: Sequence[Grounded]) -> Grounded:
 def _ground_acts(
     acts: Sequence[Act], scene: Scene, lattice: Lattice, request: str, parts: Sequence[Sentence]
 ) -> Grounded:
-    """Parameters that one reading asks for."""
+    """Return the parameters of one reading."""
     resolver = Resolver(scene)
     bare = all(part.bare for part in parts)
     reading = Reading(resolver, Selection(scene, lattice.nouns), bare)
@@ -161,18 +175,20 @@ def _ground_acts(
 def _propose(
     parts: Sequence[Sentence], scene: Scene, lattice: Lattice
 ) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
-    """Parameters that a request may ask for, and the words that are not used for it.
+    """Return the candidate parameters of a partly understood request, and its unused words.
 
-    A proposal is shown and confirmed before it is used; it may be wrong, and is never silent.
+    A proposal may be wrong. It is shown and confirmed before use.
     """
     reading = Reading(Resolver(scene), Selection(scene, lattice.nouns))
     not_used: list[str] = []
     for part in parts:
         cover = part.covers[0] if part.covers else Cover()
         unused = set(cover.left)
+        # A leftover word that changes the wish excludes a proposal.
         if any(_asks_otherwise(part.words, at) for at in unused):
             return (), ()
         for act, clause in next(cover.readings()):
+            # The user confirms the reference of a pronoun.
             reading.selection.unsure = False  # the user confirms what a pronoun is taken for
             try:
                 if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):
@@ -187,7 +203,7 @@ def _propose(
 
 
 def _asks_otherwise(words: Sequence[str], at: int) -> bool:
-    """Test for a word that leaves open what is wanted, or a command of something else."""
+    """True for a word that leaves the wish open, or commands another action."""
     if not english().sets["open"].isdisjoint(lemmas(words[at])):
         return True
     commands = at == 0 or words[at - 1] in ("and", "then", ",", "you")
@@ -195,14 +211,14 @@ def _asks_otherwise(words: Sequence[str], at: int) -> bool:
 
 
 def _is_part(words: Sequence[str], clause: Clause, left: set[int]) -> bool:
-    """Test for a clause whose bodies some word left over makes others: "the lid of the mug"."""
+    """True if a leftover word changes the bodies of a clause: "the lid of the mug"."""
     before, relating = clause.start - 1, english().classes.get((words[clause.start - 1],), [])
     related = before in left and any(kind in ("OF", "REL") for kind, _ in relating)
     return related or (clause.end in left and words[clause.end] == "'s")
 
 
 def _runs(words: Sequence[str], places: Iterable[int]) -> list[str]:
-    """Words at successive places, joined."""
+    """Join words at successive positions."""
     runs: dict[int, list[str]] = {}
     for count, at in enumerate(sorted(places)):
         runs.setdefault(at - count, []).append(words[at].replace("§amount", "an amount"))

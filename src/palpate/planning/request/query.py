@@ -1,4 +1,4 @@
-"""Queries of a request, and the items of the scene that it names."""
+"""Queries of a request, and the scene items that it names."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from typing import Literal
 from palpate.common.parameter import Parameter
 
 GRIPPER = "gripper"
-"""The subject of quantities that the empty hand itself has."""
+"""Subject of quantities of the empty hand."""
 
 
 @dataclass(frozen=True, slots=True)
 class Item:
-    """Bodies that a mention refers to.
+    """Bodies of a mention.
 
     Attributes:
-        words: what was said.
-        names: which they may be, several when it is ambiguous or a plural.
-        plural: all of `names` are meant.
-        remark: how it was read, where that is not quite what was said.
+        words: words of the mention.
+        names: candidate bodies; several if it is ambiguous or a plural.
+        plural: the mention includes all of `names`.
+        remark: interpretation, if it differs from the literal words.
     """
 
     words: tuple[str, ...]
@@ -29,18 +29,18 @@ class Item:
 
     @property
     def text(self) -> str:
-        """Words of the mention."""
+        """Words of the mention as text."""
         return " ".join(self.words)
 
 
 @dataclass(frozen=True, slots=True)
 class Grounded:
-    """Parameters that a request asks for.
+    """Parameters of a request.
 
     Attributes:
-        asked: the parameters it names, whether or not the scene states them.
-        cannot: one sentence for each thing asked that no plan can measure.
-        remarks: how something unsaid was read.
+        asked: the named parameters, including those that the scene states.
+        cannot: one sentence for each request that no plan can measure.
+        remarks: interpretations of implicit wishes.
     """
 
     asked: tuple[Parameter, ...]
@@ -48,12 +48,12 @@ class Grounded:
     remarks: tuple[str, ...] = ()
 
 
-# Queries of a request: quantities of selected bodies, independent of the scene.
+# Queries: quantities of selected bodies, independent of the scene.
 
 
 @dataclass(frozen=True, slots=True)
 class NamedQuantity:
-    """A quantity by its id, or a property that nothing measures by its name."""
+    """Quantity by its id, or an unmeasurable property by its name."""
 
     id: str
     word: str
@@ -61,19 +61,19 @@ class NamedQuantity:
 
 
 AGAIN = NamedQuantity("", "that")
-"""The quantity of the query before: "that of the mug"."""
+"""Quantity of the previous query: "that of the mug"."""
 
 
 @dataclass(frozen=True, slots=True)
 class All:
-    """All bodies; `others`: those that were not spoken of before."""
+    """All bodies; with `others`, those not mentioned before."""
 
     others: bool = False
 
 
 @dataclass(frozen=True, slots=True)
 class Names:
-    """A body by its noun: "the red box". `bare`: without a determiner."""
+    """Body by its noun: "the red box"; `bare` without a determiner."""
 
     words: tuple[str, ...]
     bare: bool = False
@@ -81,7 +81,7 @@ class Names:
 
 @dataclass(frozen=True, slots=True)
 class Kind:
-    """All bodies of a noun: "both boxes". `count`: how many, if that was said."""
+    """All bodies of a noun: "both boxes"; `count` is their stated number."""
 
     words: tuple[str, ...]
     count: str = ""
@@ -89,7 +89,7 @@ class Kind:
 
 @dataclass(frozen=True, slots=True)
 class Except:
-    """Bodies less others."""
+    """Bodies without others."""
 
     base: Selector
     less: Selector
@@ -97,7 +97,7 @@ class Except:
 
 @dataclass(frozen=True, slots=True)
 class Near:
-    """Bodies by their position relative to others: "the box beside the mug"."""
+    """Bodies by their position relative to others: "the box next to the mug"."""
 
     base: Selector
     relation: str
@@ -106,7 +106,7 @@ class Near:
 
 @dataclass(frozen=True, slots=True)
 class Extreme:
-    """The body of several that is farthest to one side, or the largest: "the left box"."""
+    """Outermost body to one side, or the largest: "the left box"."""
 
     base: Kind
     place: str
@@ -114,7 +114,10 @@ class Extreme:
 
 @dataclass(frozen=True, slots=True)
 class Again:
-    """Bodies that were named before: "it", "they", "one" ("the red one"); "all": everything, if nothing was."""
+    """Bodies named before: "it", "they", "one" ("the red one").
+
+    "all" selects all bodies if none was named.
+    """
 
     which: Literal["it", "they", "all", "one"]
     words: tuple[str, ...] = ()
@@ -122,7 +125,7 @@ class Again:
 
 @dataclass(frozen=True, slots=True)
 class Several:
-    """Bodies in a list; `choice`: joined by "or"."""
+    """List of bodies; `choice` if joined by "or"."""
 
     parts: tuple[Selector, ...]
     choice: bool = False
@@ -133,8 +136,11 @@ Selector = All | Names | Kind | Except | Near | Extreme | Again | Several
 
 @dataclass(frozen=True, slots=True)
 class Query:
-    """A quantity of selected bodies. Without a quantity: all that is missing. Without a selector: of
-    what was named last, else of all that miss it; `every`: of all in any case."""
+    """Quantity of selected bodies.
+
+    Without a quantity: all missing parameters. Without a selector: the last named bodies, else all
+    that miss the quantity. With `every`: all bodies in any case.
+    """
 
     quantity: NamedQuantity | None = None
     selector: Selector | None = None
@@ -143,8 +149,11 @@ class Query:
 
 @dataclass(frozen=True, slots=True)
 class Say:
-    """What a clause says of its queries: "want", "know" and "skip" exclude them, "turn" inverts the
-    clause before, "about" repeats its quantity ("what about the mug?")."""
+    """Statement of a clause about its queries.
+
+    "want" requests them; "know" and "skip" exclude them. "turn" inverts the previous clause.
+    "about" repeats its quantity ("what about the mug?").
+    """
 
     how: str
     queries: tuple[Query, ...]
@@ -152,7 +161,7 @@ class Say:
 
 @dataclass(frozen=True, slots=True)
 class Mention:
-    """Bodies that are only named. `alone`: with nothing else in their clause."""
+    """Bodies that are only named; `alone` if nothing else is in their clause."""
 
     selector: Selector
     alone: bool = False
@@ -160,7 +169,7 @@ class Mention:
 
 @dataclass(frozen=True, slots=True)
 class NamedPurpose:
-    """An action that is to be simulated, by its verb, and with what."""
+    """Action to be simulated, by its verb, with its bodies."""
 
     verb: str
     selector: Selector
@@ -168,13 +177,12 @@ class NamedPurpose:
 
 @dataclass(frozen=True, slots=True)
 class Need:
-    """A vague wish ("make it simulation-ready", "what is needed for that"): what is missing, unless
-    something is named."""
+    """Vague wish ("make it simulation-ready"): all missing parameters, unless some are named."""
 
 
 @dataclass(frozen=True, slots=True)
 class Aside:
-    """A sentence that is set aside."""
+    """Sentence that is set aside."""
 
     said: str
 

@@ -1,4 +1,4 @@
-"""Parameters that the clauses of a request ask for, one after the other."""
+"""Interpretation of a request, clause by clause: the wanted and excluded parameters."""
 
 from __future__ import annotations
 
@@ -24,13 +24,16 @@ from palpate.planning.request.words import english
 
 @dataclass
 class Reading:
-    """State of understanding of a request.
+    """State of the interpretation of a request.
 
     Attributes:
-        asked: the parameters that are wanted, excluded: those that are not.
-        remarks: how something was read that was not quite said so.
-        looked: whether it asks for what is missing, be there any or not.
-        bare: whether nothing but bodies is named, without a verb.
+        resolver: resolves mentions to parameters.
+        selection: resolves selectors to bodies.
+        bare: only bodies are named, without a verb.
+        asked: the wanted parameters.
+        excluded: the excluded parameters.
+        remarks: interpretations of implicit wishes.
+        looked: the request asks for missing parameters, even if there are none.
     """
 
     resolver: Resolver
@@ -52,16 +55,16 @@ class Reading:
 
     @property
     def wanted(self) -> tuple[Parameter, ...]:
-        """The parameters that are asked for and not excluded."""
+        """Parameters that are requested and not excluded."""
         asked = self.resolver.order_parameters(self.asked)
         return tuple(one for one in asked if one not in self.excluded)
 
     def take(self, act: Act) -> None:
-        """Take in the next clause.
+        """Interpret the next clause.
 
         Raises:
-            InputError: it names a body that is not there. PlanRejected: it asks for what is no
-                measurement, or cannot be told.
+            InputError: it names an unknown body.
+            PlanRejected: it requests no measurement, or is ambiguous.
         """
         match act:
             case Say():
@@ -81,11 +84,12 @@ class Reading:
                 self.remarks.append(f"Set aside: '{act.said}'.")
 
     def finish(self) -> None:
-        """Complete the list of parameters after the last clause.
+        """Complete the parameters after the last clause.
 
         Raises:
             PlanRejected: bodies were named without a quantity.
         """
+        # Fallbacks without a named quantity: the purpose, all that is missing, or a body alone.
         if self._purposes and not self._wanted:
             self._aim()
         elif self._lacking or (self._needed and not self._wanted):
@@ -96,24 +100,27 @@ class Reading:
                     "it is not said what to measure of them; say e.g. 'their masses'"
                 )
             self._miss(self._alone[0])
+        # Every body named alone must have a requested parameter.
         asked = {parameter.object for parameter in self.asked}
         for item in (item for items in self._alone for item in items):
             if not asked.issuperset(item.names):
                 raise PlanRejected(f"it is not said what to measure of '{item.text}'")
 
     def is_of_all(self, act: Act) -> bool:
-        """Test for a quantity that no body is named for."""
+        """True for a quantity without any named body."""
         queries = act.queries if isinstance(act, Say) and act.how == "want" else ()
         alone = any(one.quantity and not (one.selector or one.every) for one in queries)
         return alone and not self.selection.spoken
 
     def _say(self, act: Say) -> None:
         how = act.how
+        # An inversion follows an exclusion: "we know all masses except that of the mug".
         self._turning = how == "turn" or (how == "about" and self._how in ("know", "skip"))
         if (how == "about" and not self._how) or (how == "also" and self._how != "want"):
             raise PlanRejected("it is not clear what of it is wanted; say e.g. 'its mass'")
         if how == "turn" and self._how not in ("know", "skip"):
             raise PlanRejected("it is not clear what of it is wanted; say e.g. 'measure the mass'")
+        # Add the queries to the wanted or to the excluded parameters.
         wanted = how not in ("know", "skip")
         for query in act.queries:
             if wanted:
@@ -125,7 +132,7 @@ class Reading:
         self._how = "want" if wanted else how
 
     def _quantities(self, query: Query) -> tuple[NamedQuantity | None, ...]:
-        """Quantities of a query; "that of the mug" repeats the last ones."""
+        """Return the quantities of a query; "that of the mug" repeats the last ones."""
         if query.quantity is not AGAIN:
             return (query.quantity,)
         if not self._last:
@@ -156,8 +163,12 @@ class Reading:
                 self.excluded.difference_update(asked)
 
     def _find_bodies(self, query: Query) -> Items:
-        """Bodies of a query; they leave no earlier quantity open: "the mass, but not the friction of the
-        mug"."""
+        """Return the bodies of a query.
+
+        Raises:
+            PlanRejected: an earlier quantity has no body and may refer to these: "the mass, but not
+                the friction of the mug".
+        """
         objects = self.selection.found(query.selector) if query.selector else ()
         for quantity in self._of_all:
             if query.quantity and objects and self.resolver.can_have(objects, quantity):
@@ -179,7 +190,7 @@ class Reading:
             self.excluded.update(self.resolver.exclusions(quantity, of))
 
     def _meant(self, quantity: NamedQuantity) -> Items:
-        """Last named bodies that can have the quantity: the meaning of "it", or of no mention."""
+        """Return the last named bodies that can have the quantity, as the reference of "it"."""
         self.selection.require_sure()
         for objects in reversed(self.selection.spoken):
             if self.resolver.can_have(objects, quantity):
@@ -187,15 +198,17 @@ class Reading:
         return ()
 
     def _miss(self, objects: Items) -> None:
-        """All that is missing of `objects`, or of the whole scene."""
+        """Request all missing parameters of `objects`, or of the whole scene."""
         found, remark = self.resolver.missing(objects)
         self.asked += found
         self.looked = self._wanted = True
         self.remarks.append(remark)
 
     def _aim(self) -> None:
-        """Ask for the quantities that a simulated action depends on; offer those that the scene has
-        from an assumption, such as uniform density."""
+        """Request the quantities that a simulated action depends on.
+
+        Values from an assumption, such as uniform density, are only offered.
+        """
         offered: list[Parameter] = []
         for verb, objects in self._purposes:
             ids = english().purposes.get(verb, ())

@@ -1,4 +1,4 @@
-"""From mentions to the parameters of a scene, with what stands in the way."""
+"""Resolution of mentions to the parameters of a scene, with reasons for failures."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from palpate.scene.describe import AN_OBJECT
 from palpate.scene.scene import Scene
 
 SHOWN = 6
-"""Bodies that a refusal lists."""
+"""Maximum number of bodies in a message."""
 HINT = "; say e.g. "
-"""What separates the reason of a refusal from advice, which a proposal makes needless."""
+"""Separator between the reason of a rejection and its advice. A proposal replaces the advice."""
 LONG = 60
-"""Characters of a sentence that a refusal shows."""
+"""Maximum number of characters of a quoted sentence."""
 _NOT_SENSED = "no primitive of the robot senses it"
 
 
@@ -24,7 +24,9 @@ class Resolver:
     """Resolver of mentions in one scene.
 
     Attributes:
-        cannot: one sentence for each thing that was asked and that no plan can measure.
+        scene: the scene.
+        catalogue: its quantities.
+        cannot: one sentence for each request that no plan can measure.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -33,11 +35,12 @@ class Resolver:
         self.cannot: list[str] = []
 
     def parameters(self, quantity: NamedQuantity, objects: Sequence[Item]) -> list[Parameter]:
-        """The parameters of one quantity said of some objects (of all that miss it, when none is
-        named).
+        """Return the parameters of a quantity of the given objects.
+
+        Without objects, these are all bodies that miss it, else all that can have it.
 
         Raises:
-            PlanRejected: one of several.
+            PlanRejected: a mention is ambiguous.
         """
         id = self._meant(quantity.id, objects)
         if not quantity.measurable or not self.catalogue[id].identifiable:
@@ -53,7 +56,10 @@ class Resolver:
         return found
 
     def _meant(self, id: str, objects: Sequence[Item]) -> str:
-        """The quantity that a word means of `objects`: the height of a crate is part of its size."""
+        """Return the quantity that a word refers to for these `objects`.
+
+        For example, the height of a crate is part of its size.
+        """
         elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else None
         if not elsewhere or self._any_carries(objects, id):
             return id
@@ -63,24 +69,25 @@ class Resolver:
         return any(self._carries(name, id) for item in objects for name in item.names)
 
     def is_assumed(self, parameter: Parameter) -> bool:
-        """Test for a value that the scene has from an assumption, such as uniform density."""
+        """True if the scene has the value from an assumption, such as uniform density."""
         body = self.scene.bodies.get(parameter.object)
         quantity = self.catalogue[parameter.quantity].known_as()
         return body is not None and quantity in body.assumed
 
     def can_have(self, objects: Sequence[Item], quantity: NamedQuantity) -> bool:
-        """Test that one of `objects` can have the quantity."""
+        """True if one of the `objects` can have the quantity."""
         id = self._meant(quantity.id, objects)
         return id not in self.catalogue or self._any_carries(objects, id)
 
     def exclusions(
         self, quantity: NamedQuantity | None, objects: Sequence[Item]
     ) -> list[Parameter]:
-        """The parameters that "except …" or "we know …" takes out: of one quantity, or, where none
-        is named, of all.
+        """Return the parameters that "except …" or "we know …" excludes.
+
+        Without a quantity, all quantities of the objects are excluded.
 
         Raises:
-            PlanRejected: one of several things.
+            PlanRejected: a mention is ambiguous.
         """
         ids = list(self.catalogue)
         if quantity is not None:
@@ -93,10 +100,10 @@ class Resolver:
         ]
 
     def missing(self, objects: Sequence[Item]) -> tuple[list[Parameter], str]:
-        """All that the scene misses of some things, or of everything, and how that was read.
+        """Return the missing parameters of the objects, or of all bodies, with a remark.
 
         Raises:
-            PlanRejected: one of several.
+            PlanRejected: a mention is ambiguous.
         """
         missing = list(self.scene.missing)
         names = [name for item in objects for name in self._chosen(item, None)]
@@ -110,16 +117,20 @@ class Resolver:
         )
 
     def order_parameters(self, parameters: Sequence[Parameter]) -> list[Parameter]:
-        """Each once: surfaces first, then objects and fixtures, each in document order; quantities as in the
-        catalogue."""
+        """Sort parameters without duplicates.
+
+        Surfaces come first, then objects and fixtures, each in document order. Quantities are in
+        catalogue order.
+        """
         scene = self.scene
         names = [*scene.surfaces, *scene.objects, *scene.fixtures, GRIPPER]
         every = [Parameter(name, id) for name in names for id in self.catalogue]
         return sorted(dict.fromkeys(parameters), key=every.index)
 
     def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
-        """Something in a sentence was not: names the words, and says what can be asked, and how."""
+        """Make the error for words that were not understood, with an example request."""
         said = " ".join(sentence.split())
+        # Quote at most four words, and a long sentence only in part.
         told = [word for word in dict.fromkeys(words) if word in said.lower()][:4]
         listed = ", ".join(f"'{word}'" for word in told)
         if len(said) > LONG:
@@ -131,7 +142,7 @@ class Resolver:
         )
 
     def _example(self) -> str:
-        """A request that is understood."""
+        """Return an example request."""
         if self.scene.objects:
             return f"mass of the {next(iter(self.scene.objects))}"
         return "everything that is missing"
@@ -140,7 +151,7 @@ class Resolver:
         """Reject a request without any known word.
 
         Raises:
-            PlanRejected: always; it says what can be asked.
+            PlanRejected: always; it states possible requests.
         """
         shown = " ".join(request.split())[:80]
         raise PlanRejected(
@@ -149,7 +160,11 @@ class Resolver:
         )
 
     def _chosen(self, item: Item, id: str | None) -> list[str]:
-        """The bodies that a mention means, of those that can have the quantity."""
+        """Return the bodies of a mention that can have the quantity.
+
+        Raises:
+            PlanRejected: a singular mention has several such bodies.
+        """
         names = list(item.names)
         if id is not None:
             names = [name for name in names if self._carries(name, id)]
@@ -163,13 +178,13 @@ class Resolver:
         )
 
     def _carriers(self, id: str) -> list[str]:
-        """Bodies that can have the quantity; the empty hand for those of the gripper."""
+        """Return the bodies that can have the quantity; the gripper for its own quantities."""
         if self.catalogue[id].subject == "gripper":
             return [GRIPPER]
         return [name for name in self.scene.bodies if self._carries(name, id)]
 
     def _carries(self, name: str, id: str) -> bool:
-        """Test that a body can have the quantity; a held object has those of the gripper, too."""
+        """True if a body can have the quantity; a held object also has those of the gripper."""
         subject = self.catalogue[id].subject
         if name == GRIPPER:
             return subject == "gripper"
@@ -178,7 +193,7 @@ class Resolver:
         return subject == self.scene.bodies[name].role
 
     def not_measurable(self, quantity: NamedQuantity) -> str:
-        """Message to a request for a property that nothing measures."""
+        """Message on a property that nothing measures."""
         reason, label = _NOT_SENSED, quantity.id
         if quantity.id in self.catalogue:
             reason, label = self.catalogue[quantity.id].how, self.catalogue[quantity.id].label

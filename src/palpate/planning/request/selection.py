@@ -1,4 +1,4 @@
-"""Selection of the bodies that a request refers to."""
+"""Selection of the bodies in a request."""
 
 from __future__ import annotations
 
@@ -29,12 +29,12 @@ from palpate.scene.scene import Scene
 
 
 class Nouns:
-    """The words that name things in one scene.
+    """Words for the bodies of one scene.
 
     Attributes:
-        own: the words of each body's name.
-        named: which bodies are called so.
-        colours: words of colours, which are no nouns.
+        own: words of each body's name.
+        named: bodies by the words of their name.
+        colours: colour words, which are no nouns.
     """
 
     def __init__(self, scene: Scene, colours: frozenset[str]) -> None:
@@ -51,12 +51,11 @@ class Nouns:
 
     @property
     def names(self) -> frozenset[str]:
-        """The words of all names."""
+        """Words of all names."""
         return self._names
 
     def apart(self, request: str) -> str:
-        """The request with the names of bodies, as the scene writes them, in words: "cubeB_main" is
-        "cube b main"."""
+        """Split the body names in a request into words: "cubeB_main" becomes "cube b main"."""
         for name in sorted(self.own, key=len, reverse=True):
             if len(self.own[name]) > 1:
                 words = " ".join(self.own[name])
@@ -64,33 +63,37 @@ class Nouns:
         return request
 
     def known(self, word: str) -> bool:
-        """Test that a word may be part of the name of a body here."""
+        """True if a word may be part of a body's name."""
         forms = singulars(word)
         if not self._said_of_any.isdisjoint([*forms, *_others(word)]):
             return True
         return any(_ends(own, form) for own in self._names for form in forms)
 
     def is_kind(self, word: str) -> bool:
-        """Test for a word that is a class of objects and part of no name."""
+        """True for a class of objects that is part of no name."""
         forms = singulars(word)
         return self._names.isdisjoint(forms) and not english().kinds.keys().isdisjoint(forms)
 
     def singular(self, word: str) -> bool:
-        """Test that a word is no plural, as names and their own words are."""
+        """True if a word is no plural; words of names are singular."""
         alike = word in self._said_of_any or word in frozenset[str]().union(*english().same)
         return alike or any(_ends(own, word) for own in self._names)
 
     def fitting(self, words: Sequence[str]) -> tuple[str, ...]:
-        """All bodies of which each of `words` may be said; where the last is in some of their names,
-        those."""
+        """Return the bodies that all `words` describe.
+
+        If the last word is part of some of their names, only these bodies are returned.
+        """
         fitting = [name for name in self.own if self._fits(name, words)]
         noun = singulars(words[-1])
         called = [name for name in fitting if not set(self.own[name]).isdisjoint(noun)]
         return tuple(called or fitting)
 
     def meant(self, words: tuple[str, ...], plural: bool) -> tuple[str, ...]:
-        """The bodies that `words` may mean: the one called exactly so, else those whose name has
-        the noun, else those of which all words may be said, else what has another word for it."""
+        """Return the bodies that `words` may refer to.
+
+        The order is: exact name, noun as head of a name, all words describe the body, synonym.
+        """
         exact = self.named.get(words)
         if exact and not plural:
             return tuple(exact)
@@ -101,11 +104,11 @@ class Nouns:
         )
 
     def _names_with_head(self, names: Sequence[str], noun: str) -> tuple[str, ...]:
-        """Select the names whose head noun is `noun`: paint is no paint can."""
+        """Select the names with head noun `noun`: "paint" does not select a paint can."""
         return tuple(name for name in names if self._may_head(name, noun))
 
     def _may_head(self, name: str, noun: str) -> bool:
-        # What a parenthesis or a comma adds is no noun: "stapler (old)".
+        # Ignore additions after a parenthesis or comma: "stapler (old)".
         headed = name_words(re.split(r"[(,]", name)[0]) or self.own[name]
         own = [word for word in headed if not is_further(word)]
         own = [word for word in own if word not in self.colours] or own
@@ -113,20 +116,20 @@ class Nouns:
         return said.isdisjoint(own[:-1]) or not said.isdisjoint(own[-1:])
 
     def is_synonym(self, words: tuple[str, ...]) -> bool:
-        """Test that `words` are synonyms of a body, and not its own name."""
+        """True if `words` are a synonym of a body rather than its name."""
         return not self.named.get(words) and not self._names_with_head(
             self.fitting(words), words[-1]
         )
 
     def _bodies_by_synonym(self, words: tuple[str, ...]) -> tuple[str, ...]:
-        """Bodies that a synonym refers to: the table for a desk if there is no table."""
+        """Return the bodies of a synonym: the desk for "table" if there is no table."""
         found: list[str] = []
         for other in _others(words[-1]):
             found += self._names_with_head(self.fitting((*words[:-1], other)), other)
         return tuple(dict.fromkeys(found))
 
     def _said_of(self, body: Body) -> frozenset[str]:
-        """Every word that may be said of a body: of its name, its looks and its kind."""
+        """Return every word that may describe a body: its name, appearance and kind."""
         own = self.own[body.name]
         said = set(own) | _KINDS[body.role]
         for phrase in body.words:
@@ -137,11 +140,11 @@ class Nouns:
         return frozenset(said)
 
     def _is_gripper(self, noun: str) -> bool:
-        """Test that the noun means the robot's hand, and no body of that name exists."""
+        """True if the noun refers to the robot's hand and no body has that name."""
         return noun in _GRIPPER and noun not in self._names
 
     def _fits(self, name: str, words: Sequence[str]) -> bool:
-        """Test that each of `words` may describe the body."""
+        """True if each of `words` may describe the body."""
         return all(self._says(name, word) for word in words)
 
     def _says(self, name: str, word: str) -> bool:
@@ -152,12 +155,12 @@ class Nouns:
 
 
 def _ends(own: str, noun: str) -> bool:
-    """Test that a word of a name is the noun, or a compound that ends in it."""
+    """True if a word of a name is the noun, or a compound that ends in it."""
     return noun == own or (noun in own and is_within(noun, own))
 
 
 def _others(noun: str) -> Iterator[str]:
-    """Other words for a noun."""
+    """Yield synonyms of a noun."""
     for form in singulars(noun):
         for alike in english().same:
             if form in alike:
@@ -165,7 +168,7 @@ def _others(noun: str) -> Iterator[str]:
 
 
 OBJECT_NOUNS = frozenset({"object", "thing", "item", "body"})
-"""Nouns that fit any object."""
+"""Nouns for any object."""
 _KINDS: Mapping[str, frozenset[str]] = {
     "object": OBJECT_NOUNS,
     "surface": frozenset({"surface"}),
@@ -174,7 +177,7 @@ _KINDS: Mapping[str, frozenset[str]] = {
 _GRIPPER = frozenset({"gripper", "hand", "arm", "robot"})
 
 
-# Bodies of the scene that the selectors of a request refer to.
+# Resolution of selectors to bodies of the scene.
 
 
 Items = tuple[Item, ...]
@@ -185,10 +188,12 @@ class Selection:
     """Resolver of selectors, with the history of mentions.
 
     Attributes:
-        spoken: the bodies of every list so far, which "it" may mean.
-        spared: those that were not wanted.
-        remarks: how selectors were read that were not quite said so.
-        unsure: whether something was set aside since, which "it" may mean, too.
+        scene: the scene.
+        nouns: its nouns.
+        spoken: the bodies of every earlier mention, as references of "it".
+        spared: the excluded bodies.
+        remarks: interpretations that differ from the literal words.
+        unsure: a sentence was set aside since the last mention, which "it" may refer to.
     """
 
     scene: Scene
@@ -202,7 +207,8 @@ class Selection:
         """Resolve a selector and add it to the mentions.
 
         Raises:
-            InputError: the scene has no such body. PlanRejected: it cannot be told which it is.
+            InputError: the scene has no such body.
+            PlanRejected: the selector is ambiguous.
         """
         found = tuple(self._items(selector))
         self.remarks += [item.remark for item in found if item.remark]
@@ -255,7 +261,7 @@ class Selection:
         return Item(words, names, remark=remark if self.nouns.is_synonym(words) else "")
 
     def _last(self, names: tuple[str, ...]) -> tuple[str, ...]:
-        """ "That thing": the one that was spoken of last."""
+        """Return the last mentioned body for "that thing"."""
         if not self.spoken or self.unsure or len(self.spoken[-1]) > 1:
             return names
         return tuple(name for item in self.spoken[-1] for name in item.names)
@@ -274,7 +280,7 @@ class Selection:
         return Item(kind.words, names, True, remark)
 
     def _one(self, words: tuple[str, ...]) -> Item:
-        """ "The red one": of the kind spoken of, if there was one."""
+        """Resolve "the red one": of the last mentioned kind, else any object."""
         for items in reversed(self.spoken):
             said = (*words, items[-1].words[-1])
             names = self.nouns.meant(said, plural=True)
@@ -286,12 +292,13 @@ class Selection:
         return Item((*words, "one"), names)
 
     def _resolve_earlier(self, which: str) -> Items:
-        """Bodies that were named before."""
+        """Return the bodies named before."""
         self.require_sure()
         if not self.spoken:
             if which == "all":
                 return (self._everything(others=False),)
             raise PlanRejected("'it' stands for nothing that was named; name the object")
+        # "All" after a single body refers to everything.
         last = self.spoken[-1]
         if which == "all" and len([name for item in last for name in item.names]) < 2:
             return (self._everything(others=False),)
@@ -300,10 +307,10 @@ class Selection:
         return last
 
     def require_sure(self) -> None:
-        """Require that nothing was set aside between a pronoun and its reference.
+        """Require that no sentence was set aside between a pronoun and its reference.
 
         Raises:
-            PlanRejected: something was, and may be meant.
+            PlanRejected: a sentence was set aside and may contain the reference.
         """
         if self.unsure:
             raise PlanRejected("it is not clear what 'it' stands for here; name the object")
@@ -321,13 +328,14 @@ class Selection:
             if self.scene.surfaces.keys().isdisjoint(item.names):
                 raise PlanRejected(f"the top of '{item.text}' is a part of it; name the whole")
             return item
+        # Resolve the landmarks, then select by the relation to them.
         marks = [name for mark in near.marks for name in self._each(mark)]
         anything = isinstance(near.base, All)
         names, remark = standing(near.relation, item, marks, self.scene, anything)
         return Item(item.words, names, item.plural, remark or item.remark)
 
     def _each(self, selector: Selector) -> Iterator[str]:
-        """Names of the bodies of a selector."""
+        """Yield the names of the bodies of a selector."""
         for item in self._items(selector):
             if len(item.names) > 1 and not item.plural:
                 choices = " or ".join(f"'{name}'" for name in item.names)
@@ -337,9 +345,11 @@ class Selection:
     def _less(self, selector: Except) -> Iterator[Item]:
         items = tuple(self._items(selector.base))
         self.spoken.append(items)  # "the red one" is one of them
+        # References such as "the red one" refer to the base.
         less = set(self._each(selector.less))
         self.spoken.pop()
         self.spared.append(Item((), tuple(less), plural=True))
+        # A singular body cannot be both wanted and excluded.
         single = {name for item in items if not item.plural for name in item.names}
         if not less.isdisjoint(single):
             raise PlanRejected(

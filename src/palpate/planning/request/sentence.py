@@ -23,21 +23,21 @@ from palpate.planning.request.words import (
 from palpate.scene.scene import Scene
 
 SHORTEST = 3
-"""Words of the shortest background sentence."""
+"""Minimum number of words of a background sentence."""
 LONGEST_NAME = 6
-"""Words of the longest name of a body that is put together of its words."""
+"""Maximum number of words that describe a body."""
 _NO_NOUNS = frozenset({"place", "where", "level", "weigh", "lean"})
-"""Synonyms of quantities that sentences use for other things, too; `words/grammar.txt` has them."""
+"""Synonyms of quantities with other frequent uses; `words/grammar.txt` covers them."""
 
 Edge = tuple[str, int, Meanings]
-"""A class, the place where its words end, and what they mean."""
+"""Class, end position of its words, and meanings."""
 
 
 class Lattice:
-    """The words that requests about one scene may use.
+    """Words that requests about one scene may use.
 
     Attributes:
-        nouns: of its bodies.
+        nouns: nouns of its bodies.
     """
 
     def __init__(self, scene: Scene, colours: frozenset[str]) -> None:
@@ -46,7 +46,7 @@ class Lattice:
         self._longest = longest(self._quantities)
 
     def edges(self, tokens: Sequence[str]) -> list[dict[str, list[tuple[int, Meanings]]]]:
-        """Lattice edges that begin at each word."""
+        """Return the lattice edges that begin at each word."""
         lattice: list[dict[str, list[tuple[int, Meanings]]]] = []
         for at, token in enumerate(tokens):
             begins: dict[str, list[tuple[int, Meanings]]] = {token: [(at + 1, ())]}
@@ -56,7 +56,7 @@ class Lattice:
         return lattice
 
     def unfelt(self, tokens: Sequence[str]) -> NamedQuantity | None:
-        """The first property among the words that nothing measures."""
+        """Return the first property among the words that nothing measures."""
         for at in range(len(tokens)):
             for _, _, (quantity, *_) in self._properties(tokens, at):
                 if isinstance(quantity, NamedQuantity) and not quantity.measurable:
@@ -64,8 +64,9 @@ class Lattice:
         return None
 
     def slips(self, tokens: Sequence[str]) -> dict[str, str]:
-        """Known spelling of each unknown token."""
+        """Return the known spelling of each unknown token."""
         sets = english().sets
+        # Correct only to names, quantities and frequent words.
         known = self.nouns.names | {word for phrase in self._quantities for word in phrase}
         known = {word for word in known - _NO_NOUNS | sets["often"] if word.isalpha()}
         found: dict[str, str] = {}
@@ -77,17 +78,19 @@ class Lattice:
         return found
 
     def is_unknown(self, token: str) -> bool:
-        """Test for a word that is nothing at all here."""
+        """True for a word without a meaning in this scene."""
         if not token.isalpha() or self.nouns.known(token):
             return False
         return _small_words().isdisjoint([*lemmas(token), *singulars(token)])
 
     def is_background(self, tokens: Sequence[str]) -> bool:
-        """Test for a sentence that states facts and asks for nothing: "It is for a benchmark.",
-        "Everything else is right."."""
+        """True for a sentence of facts without a request: "It is for a benchmark.", "Everything
+        else is right.".
+        """
         if "?" in tokens or len(tokens) < SHORTEST:
             return False
         sets = english().sets
+        # "The rest" is harmless only together with a word for correct or finished.
         words = {token for token in tokens if token.isalpha()}
         allowed = sets["harmless"]
         if words & sets["remaining"]:
@@ -102,7 +105,7 @@ class Lattice:
         )
 
     def _says_nothing(self, tokens: Sequence[str], at: int) -> bool:
-        """Test for a word that names no body and no property, and neither asks nor excludes."""
+        """True for a word that names no body or property, and neither asks nor excludes."""
         token = tokens[at]
         if token in english().sets["telling"] or not token.isalpha() or token in english().compared:
             return False
@@ -112,6 +115,7 @@ class Lattice:
         return not any(True for _ in self._properties(tokens, at))
 
     def _edges(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
+        # Classes of single words, properties, names, runs of words, and unknown nouns.
         named = any(end > at + 1 for _, end, _ in self._whole_names(tokens, at))
         for edge in _words(tokens, at):
             if not (named and edge[0] in ("SEL", "NADJ")):  # "the large parcel" may be its name
@@ -124,7 +128,8 @@ class Lattice:
             yield "ABSENT", at + len(absent), (absent,)
 
     def _properties(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """The longest synonym of a quantity, and properties that nothing measures."""
+        """Yield the longest synonym of a quantity, and properties that nothing measures."""
+        # Try the longest phrase first.
         for length in range(min(self._longest, len(tokens) - at), 0, -1):
             phrase = tuple(tokens[at : at + length])
             if phrase in self._quantities:
@@ -149,8 +154,9 @@ class Lattice:
                 return
 
     def _whole_names(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """Names of several words, together or apart: "redbox", "red box"; and those of one that was
-        said in two, "note book"."""
+        """Yield names of several words, joined or separate ("redbox", "red box"), and a single name
+        split in two ("note book").
+        """
         for own in self.nouns.named:
             if len(own) > 1 and tokens[at] == "".join(own):
                 yield "OBJ", at + 1, (own,)
@@ -161,11 +167,12 @@ class Lattice:
             yield "OBJ", at + 2, ((two,),)
 
     def _runs(self, tokens: Sequence[str], at: int) -> Iterator[Edge]:
-        """Runs of words that name things of the scene."""
+        """Yield runs of words that describe bodies of the scene."""
         for end in range(at + 1, min(at + LONGEST_NAME, len(tokens)) + 1):
             run = list(tokens[at:end])
             if not self.nouns.known(run[-1]):
                 return
+            # Colours and material adjectives can stand alone: "the red one".
             if self.nouns.colours.issuperset(run) or self._tells(run):
                 yield "COLOUR", end, (tuple(run),)
             elif len(run) > 1 and not self.nouns.meant(tuple(run), plural=True):
@@ -177,11 +184,11 @@ class Lattice:
                 yield ("OBJS" if plural and not whole else "OBJ"), end, (words,)
 
     def _tells(self, run: Sequence[str]) -> bool:
-        """Test for an adjective in the names of bodies: "the plastic one"."""
+        """True for an adjective in the names of bodies: "the plastic one"."""
         return len(run) == 1 and run[0] in english().sets["describing"] & self.nouns.names
 
     def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
-        """The longest run that names a thing which is not there."""
+        """Return the longest run that names an unknown body."""
         run: list[str] = []
         fits = True
         for token in tokens[at : at + 2]:
@@ -196,11 +203,12 @@ class Lattice:
 
 
 def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
-    """The classes of `words/en.yaml` that words here are of."""
+    """Yield the classes of `words/en.yaml` for the words at a position."""
     said, word = english(), tokens[at]
     for end in range(at + 1, min(at + _longest_class(), len(tokens)) + 1):
         for kind, meanings in said.classes.get(tuple(tokens[at:end]), ()):
             yield kind, end, meanings
+    # Frame words, verbs, amounts and comparatives depend on the form of the word.
     stems = (*lemmas(word), said.labels["irregular"].get(word, word))
     inflected = word.endswith("ing") or (at > 0 and tokens[at - 1] in ("be", "been"))
     if not said.sets["frame"].isdisjoint(stems if inflected else (word,)):
@@ -217,13 +225,13 @@ def _words(tokens: Sequence[str], at: int) -> Iterator[Edge]:
 
 @cache
 def deeds() -> frozenset[str]:
-    """Verbs of actions."""
+    """Return the verbs of actions."""
     return english().sets["deeds"].union(english().purposes)
 
 
 @cache
 def _small_words() -> frozenset[str]:
-    """Words that have a meaning in any scene."""
+    """Return the words with a meaning in any scene."""
     said = english()
     known = {word for phrase in (*said.classes, *_quantities()) for word in phrase}
     sets = [words for name, words in said.sets.items() if name != "things"]
@@ -236,8 +244,10 @@ def _longest_class() -> int:
 
 
 def _quantities() -> dict[Phrase, tuple[str, bool]]:
-    """The words of every synonym to the id of its quantity, and whether they are plural, in their
-    first or last word."""
+    """Map every synonym to its quantity id and a plural flag.
+
+    The plural is formed of the first or the last word.
+    """
     phrases: dict[Phrase, tuple[str, bool]] = {}
     for quantity in catalogue().values():
         for synonym in {*quantity.words.get("en", ()), quantity.id} - _NO_NOUNS:
@@ -253,23 +263,24 @@ def _plural(word: str) -> str:
     return word + ("es" if word.endswith("s") else "s")
 
 
-# Cover of a sentence: clauses that the grammar derives, with the frame around them between.
+# Cover of a sentence by clauses of the grammar and the frame between them.
 
 
 LEFT_OVER = 12
-"""Cost of a word that is left over: more than any cost of a derivation (1 to 9), so that an unlikely
-reading is preferred to none."""
+"""Cost of a leftover word. It exceeds the cost of any derivation (1 to 9), so that an unlikely
+reading is preferred to none.
+"""
 MOST_READINGS = 64
-"""Readings of a sentence that are looked into, more than are accepted of a request."""
+"""Maximum number of examined readings of a sentence, more than are accepted of a request."""
 CLAUSE = 2
-"""Cost of a clause: one long one is better than two short ones."""
+"""Cost of a clause; one long clause is better than two short ones."""
 _BETWEEN = ("FILL", "SEP", "?", ".", "only")
-"""Classes and words of the frame. A single word costs 1, a phrase and what separates nothing."""
+"""Classes and words of the frame. A single word costs 1; a phrase or separator costs nothing."""
 
 
 @dataclass(frozen=True, slots=True)
 class Clause:
-    """A stretch of a sentence, and what each of its readings asks; none in the frame."""
+    """Stretch of a sentence with its readings; the frame has none."""
 
     start: int
     end: int
@@ -277,24 +288,25 @@ class Clause:
 
     @property
     def says(self) -> bool:
-        """Test for a clause that is neither frame nor context."""
+        """True for a clause with a meaning, neither frame nor context."""
         return any(self.readings)
 
     @property
     def begins(self) -> bool:
-        """Test for a clause that begins with a word of its own, for an exclusion or a purpose."""
+        """True for a clause with an introductory word: an exclusion or a purpose."""
         act = next((act for acts in self.readings for act in acts), None)
         return isinstance(act, NamedPurpose) or (isinstance(act, Say) and act.how == "skip")
 
 
 @dataclass(frozen=True, slots=True)
 class Cover:
-    """A sentence from end to end.
+    """Complete cover of a sentence.
 
     Attributes:
-        clauses: clauses and stretches of the frame, in order.
-        left: places of the words that belong to neither.
-        abrupt: whether two clauses stand side by side, with nothing between them.
+        cost: total cost.
+        clauses: clauses and frame stretches, in order.
+        left: positions of the leftover words.
+        abrupt: two clauses are adjacent without a separator.
     """
 
     cost: int = 0
@@ -304,17 +316,17 @@ class Cover:
 
     @property
     def unsure(self) -> bool:
-        """Test for words that are left over."""
+        """True if words are left over or clauses are not separated."""
         return bool(self.left) or self.abrupt
 
     @property
     def says(self) -> bool:
-        """Test for a sentence that asks for anything."""
+        """True for a sentence with a request."""
         acts = [act for clause in self.clauses for acts in clause.readings for act in acts]
         return any(not isinstance(act, Mention) for act in acts)
 
     def readings(self) -> Iterator[tuple[tuple[Act, Clause], ...]]:
-        """Each choice of one reading a clause."""
+        """Yield all combinations of one reading per clause."""
         told = [clause for clause in self.clauses if clause.readings]
         for chosen in product(*(clause.readings for clause in told)):
             yield tuple((act, one) for one, acts in zip(told, chosen, strict=True) for act in acts)
@@ -322,7 +334,7 @@ class Cover:
 
 @dataclass(frozen=True, slots=True)
 class Sentence:
-    """A sentence: as written, its words, and its covers; none of a background sentence."""
+    """Sentence as written, its words, and its covers; a background sentence has none."""
 
     own: str
     words: Sequence[str]
@@ -330,20 +342,20 @@ class Sentence:
 
     @property
     def readings(self) -> Sequence[tuple[Act, ...]]:
-        """The meanings of its clauses, in order."""
+        """Meanings of its clauses, in order."""
         each = chain.from_iterable(cover.readings() for cover in self.covers)
         found = [tuple(act for act, _ in one) for one in islice(each, MOST_READINGS)]
         return list(dict.fromkeys(found)) or [(Aside(self.own),)]
 
     @property
     def bare(self) -> bool:
-        """Test for clauses alone, without a frame."""
+        """True for clauses without a frame."""
         clauses = [clause for cover in self.covers for clause in cover.clauses]
         return all(one.says or self.words[one.start] in ("?", ",") for one in clauses)
 
 
 def cover_sentence(words: Sequence[str], own: str, lattice: Lattice) -> Sentence:
-    """Cover a sentence, which the user wrote as `own`; a background sentence is set aside."""
+    """Cover a sentence, written as `own`; a background sentence is set aside."""
     background = lattice.is_background(words)
     if background and not english().sets["remaining"].isdisjoint(words):
         return Sentence(own, words, ())
@@ -353,11 +365,11 @@ def cover_sentence(words: Sequence[str], own: str, lattice: Lattice) -> Sentence
 
 
 def _covers(sentence: Sequence[str], lattice: Lattice) -> list[Cover]:
-    """Cover a sentence at the least cost, from its end to its beginning; several ways if they cost
-    the same."""
+    """Return the covers of minimum cost, by dynamic programming from the end of the sentence."""
     chart = DerivationChart(ACTIONS, lattice.edges(sentence))
     best: list[list[Cover]] = [[Cover()]]
     for at in reversed(range(len(sentence))):
+        # Best cover of the remainder, extended by a leftover word, a frame stretch, or a clause.
         rest = best[0]
         choices = [_before(one, LEFT_OVER, left=(at,)) for one in rest]
         for name in _BETWEEN:
@@ -377,7 +389,9 @@ def _covers(sentence: Sequence[str], lattice: Lattice) -> list[Cover]:
 def _before(
     rest: Cover, cost: int, clause: Clause | None = None, left: tuple[int, ...] = ()
 ) -> Cover:
+    """Prepend a clause or leftover words to a cover."""
     following = rest.clauses[0] if rest.clauses else None
+    # Adjacent clauses without a separator have a penalty, except before an introductory word.
     abrupt = bool(clause and following and clause.says and following.says)
     abrupt = abrupt and not (following and following.begins)
     return Cover(
@@ -389,7 +403,7 @@ def _before(
 
 
 def _distinct(choices: Iterable[Cover]) -> list[Cover]:
-    """One cover for each set of clauses that say something."""
+    """Keep one cover for each set of meaningful clauses."""
     found: dict[object, Cover] = {}
     for one in choices:
         told = tuple(clause for clause in one.clauses if clause.says)

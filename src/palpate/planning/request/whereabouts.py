@@ -1,7 +1,7 @@
-"""Selection of one of several bodies by its position: "the box beside the red one".
+"""Selection of a body by its position: "the box next to the red one".
 
-Left and right, near and far are as the robot sees them: x of its base points away from it, y to
-its left.
+Left and right, near and far are relative to the robot. The x axis of its base points away from it,
+the y axis to its left.
 """
 
 from __future__ import annotations
@@ -17,26 +17,28 @@ from palpate.planning.request.query import Item
 from palpate.scene.scene import Scene
 
 APART = 0.02
-"""m: what is less far to one side is not on that side."""
+"""m. Minimum distance to one side for a body to be on that side."""
 TOUCHING = 0.02
-"""m: what stands no farther above a top stands on it."""
+"""m. Maximum height above a top for a body to stand on it."""
 NEARER = 0.8
-"""Ratio of distances below which the nearer of two bodies is the one beside a thing."""
+"""Ratio of distances below which the nearer of two bodies is unambiguous."""
 LEVEL = 0.001
-"""m: of two things, neither is the nearest where their distances differ by less; scenes state places
-in millimetres."""
+"""m. Minimum difference in distance for one body to be the nearest. Scenes state positions in
+millimetres.
+"""
 LARGER = 1.1
-"""Ratio of sizes above which the larger of two bodies is the large one."""
+"""Ratio of sizes above which the larger of two bodies is unambiguous."""
 
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
-    """Body that is farthest to one side, or the largest, with a remark.
+    """Return the outermost body to one side, or the largest, with a remark.
 
     Raises:
-        PlanRejected: two are.
+        PlanRejected: two bodies are equally far or large.
     """
     axis, sign = _EXTREMES[place]
     bodies = _bodies(scene, names)
+    # Rank by the signed measure and compare the best two: positions by difference, sizes by ratio.
     measured = [sign * _measure(axis, body, scene) for body in bodies]
     first, second = sorted(range(len(bodies)), key=measured.__getitem__, reverse=True)[:2]
     one, other = abs(measured[first]), abs(measured[second])
@@ -59,7 +61,7 @@ _EXTREMES = {
     "tall": ("height", 1),
     "short": ("height", -1),
 }
-"""What is compared, and which end of it is meant."""
+"""Compared measure, and its sign, by word."""
 
 
 def _measure(axis: str, body: Body, scene: Scene) -> float:
@@ -71,19 +73,22 @@ def _measure(axis: str, body: Body, scene: Scene) -> float:
 def standing(
     relation: str, item: Item, marks: Sequence[str], scene: Scene, anything: bool
 ) -> tuple[tuple[str, ...], str]:
-    """Bodies of an item that have the relation to the landmarks, with a remark.
+    """Return the bodies of an item with a relation to the landmarks, with a remark.
 
     Raises:
-        PlanRejected: nothing does, or it cannot be told which does.
+        PlanRejected: no body has the relation, or the choice is ambiguous.
     """
+    # Candidates: all bodies of the item except the landmarks.
     beside = _bodies(scene, marks)
     rest = _bodies(scene, scene.objects if anything else item.names)
     rest = [body for body in rest if all(body is not mark for mark in beside)]
     on_surface = relation in _STANDING and all(name in scene.surfaces for name in marks)
     remark = ""
     if len(item.names) == 1 and on_surface and item.names[0] not in marks:
-        # The believed height of a surface may be what is asked for.
+        # The height of a surface may be unknown, so the position of a single body on it is not
+        # tested.
         return item.names, remark
+    # Vertical relations compare boxes; horizontal ones compare distances and directions.
     if relation in _STANDING:
         stands = _STANDING[relation]
         found = [body for body in rest if any(stands(body, mark, rest) for mark in beside)]
@@ -113,7 +118,8 @@ _SAID = {
 def _bodies_in_relation(
     relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene, chosen: bool
 ) -> tuple[list[Body], str]:
-    """Bodies that have the relation; the nearest of several if one is to be chosen, with a remark."""
+    """Return the bodies with a horizontal relation; the nearest of several if one is chosen."""
+    # Vectors from the centre of the landmarks to each body, in the base frame.
     middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
     ways = [(_in_base(body, scene) - middle, body) for body in rest]
     axis, sign = _SIDES.get(relation, (0, 0))
@@ -122,10 +128,12 @@ def _bodies_in_relation(
         for way, body in ways
         if not sign or sign * way[axis] > APART
     ]
+    # Nearest first, or farthest first.
     so.sort(key=lambda one: one[0], reverse=relation == "farthest")
     remark = _as_seen(relation)
     if not chosen or len(so) < 2:
         return [body for _, body in so], remark if chosen else ""
+    # The choice needs a clear margin to the second body.
     (first, nearest), (second, other) = so[:2]
     told_apart = first < NEARER * second
     if relation in ("nearest", "farthest"):
@@ -139,7 +147,7 @@ def _bodies_in_relation(
 
 
 _SIDES = {"left": (1, 1), "right": (1, -1), "behind": (0, 1), "front": (0, -1)}
-"""Axis of the robot's base, and its direction."""
+"""Axis of the robot's base, and its sign, by relation."""
 
 
 def _as_seen(relation: str) -> str:
@@ -151,7 +159,7 @@ def _bodies(scene: Scene, names: Iterable[str]) -> list[Body]:
 
 
 def _middle(body: Body) -> Array:
-    """Of its box, in the world, m."""
+    """Centre of a body's box in the world, m."""
     return body.pose_world.rotation @ body.centre + body.pose_world.position
 
 
@@ -162,14 +170,14 @@ def _in_base(body: Body, scene: Scene) -> Array:
 
 
 def _is_upon(body: Body, mark: Body, others: Sequence[Body]) -> bool:
-    """Test that one body stands on another, also indirectly."""
+    """True if a body stands on another, directly or indirectly."""
     if _on(body, mark):
         return True
     return any(_on(body, other) and _is_upon(other, mark, others) for other in others)
 
 
 def _on(upper: Body, lower: Body) -> bool:
-    """Test that one body stands directly on another."""
+    """True if a body stands directly on another."""
     if upper.name in lower.carries:
         return True
     x, y = _middle(upper)[:2]
@@ -178,7 +186,7 @@ def _on(upper: Body, lower: Body) -> bool:
 
 
 def _in(inner: Body, outer: Body) -> bool:
-    """Test that one body is inside another."""
+    """True if a body is inside another."""
     x, y, z = _middle(inner)
     between = outer.bottom_z() < z < outer.top_z()
     return inner is not outer and between and outer.covers(x, y)

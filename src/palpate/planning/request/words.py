@@ -1,4 +1,4 @@
-"""Words of a request: vocabulary, tokens, spelling, and five languages."""
+"""Words of a request: vocabulary, tokens, spelling, and translation from four languages to English."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate.common.files import plain_yaml
 from palpate.estimation.quantities.catalogue import catalogue, quantities_by_verb
 
 LANGUAGES = ("de", "es", "fr", "it")
-"""Languages of requests, without English."""
+"""Languages of requests besides English."""
 
 Phrase = tuple[str, ...]
 Words = frozenset[str]
@@ -24,8 +24,9 @@ Words = frozenset[str]
 
 @dataclass(frozen=True, slots=True)
 class Language:
-    """A language that requests may be written in: its phrases in English, the endings that inflected
-    words may lose, and whether it writes several nouns in one word."""
+    """Language of requests: its phrases in English, removable endings, and a flag for compound
+    nouns.
+    """
 
     turned: Mapping[Phrase, Phrase]
     endings: tuple[str, ...]
@@ -37,9 +38,13 @@ class English:
     """Words of English requests, from `words/en.yaml`.
 
     Attributes:
-        classes: the classes of a phrase, each with its meaning if it has one.
-        labels: tables from a word to what it stands for, by name.
+        turned: replacements of phrases.
+        classes: classes of each phrase, with a meaning if it has one.
+        labels: tables from a word to its meaning, by name.
         sets: sets of words, by name.
+        kinds: members of each class of objects.
+        same: sets of synonyms.
+        purposes: quantities by verb of an action.
     """
 
     turned: Mapping[Phrase, Phrase]
@@ -52,13 +57,13 @@ class English:
 
     @property
     def compared(self) -> Mapping[str, str]:
-        """Quantity that a comparing word is about: mass for "heavier"."""
+        """Quantity of a comparative: mass for "heavier"."""
         return self.labels["compared"]
 
 
 @cache
 def english() -> English:
-    """The words of English requests."""
+    """Return the words of English requests."""
     said = _read("en")
     classes: dict[Phrase, list[tuple[str, tuple[str, ...]]]] = defaultdict(list)
     for kind, phrases in (*said["classes"].items(), ("FILL", said["frames"])):
@@ -82,7 +87,7 @@ def english() -> English:
 
 @cache
 def language(code: str) -> Language:
-    """Words of one of `LANGUAGES`."""
+    """Return the words of one of `LANGUAGES`."""
     said = _read(code)
     words = said["words"].items()
     turned = {phrase: tuple(word.split()) for word, of in words for phrase in _split_phrases(of)}
@@ -90,7 +95,7 @@ def language(code: str) -> Language:
 
 
 def longest(table: Iterable[Phrase]) -> int:
-    """Words of the longest phrase."""
+    """Number of words of the longest phrase."""
     return max(map(len, table), default=0)
 
 
@@ -99,12 +104,12 @@ def _words(text: str) -> Words:
 
 
 def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
-    """Each word to the label that it stands under."""
+    """Map each word to its label."""
     return {word: label for label, words in labelled.items() for word in words.split()}
 
 
 def _split_phrases(phrases: str) -> list[Phrase]:
-    """Phrases between commas; § is a comma itself."""
+    """Split phrases at commas; § stands for a literal comma."""
     found = [tuple(phrase.split()) for phrase in phrases.split(",")]
     return [tuple(word.replace("§", ",") for word in phrase) for phrase in found if phrase]
 
@@ -114,7 +119,7 @@ def _read(code: str) -> dict[str, Any]:
     return plain_yaml(file.read_text(encoding="utf-8"), f"words of '{code}'")
 
 
-# Words of a request: tokens, inflected forms, spelling.
+# Tokens, inflected forms, and spelling.
 
 
 _APART = (
@@ -131,7 +136,7 @@ _APART = (
     (r"[&+]", " and "),
     (r"(?<!\S)\(?[\da-h] ?\) ", " ; "),
 )
-"""Contractions, as two words."""
+"""Expansions of contractions."""
 
 _MASSES = r"kg|kilos?|kilogram(?:me)?s?|g|gram(?:me)?s?|mg|lbs?|pounds?|oz|ounces?"
 _UNITS = r"[mck]?m|(?:milli|centi)?met(?:re|er)s?|inch(?:es)?|n|newtons?|n/mm?|%|percent|degrees?"
@@ -139,18 +144,19 @@ _AMOUNT = re.compile(
     rf"\b\d+(?:[.,]\d+)? *(?:{_MASSES}|{_UNITS})(?!\w)|"
     rf"\b(?:(?:half )?an?|one|two|three|five|ten) (?=\w{{4}})(?:{_MASSES}|{_UNITS})(?!\w)"
 )
-"""A figure, or the word of one, with its unit."""
+"""Number, or its word, with a unit."""
 
 
 def tokens(request: str) -> list[str]:
-    """Words, `'s`, punctuation that separates, and §amount for a figure with its unit, of a request
-    in lower case.
+    """Split a lower-case request into tokens.
 
-    Names written as identifiers (`light_blue_box`, `bottle.mass`) come apart into their words.
+    Tokens are words, `'s`, separating punctuation, and §amount for a number with its unit.
+    Identifiers (`light_blue_box`, `bottle.mass`) are split into words.
     """
     text = re.sub(r"\s+", " ", request)
     for pattern, apart in _APART:
         text = re.sub(pattern, apart, text)
+    # Amounts become one token before punctuation is split.
     text = _AMOUNT.sub(" §amount ", text)
     text = re.sub(r"[_\-]+", " ", text)
     text = re.sub(r"(\w\.\w+)(?=\s\w+\.\w)", r"\1 ,", text)  # "bottle.mass table.height"
@@ -159,7 +165,7 @@ def tokens(request: str) -> list[str]:
 
 
 def sentences(tokens: Sequence[str]) -> Iterator[list[str]]:
-    """Each sentence, a question with its mark."""
+    """Yield each sentence; a question keeps its mark."""
     sentence: list[str] = []
     for token in [*tokens, "."]:
         if token == "?" and sentence:
@@ -172,25 +178,27 @@ def sentences(tokens: Sequence[str]) -> Iterator[list[str]]:
 
 
 def name_words(name: str) -> tuple[str, ...]:
-    """The words of a body's name: `light_blue_box`, `LightBlueBox`, `light-blue box` are the same
-    three."""
+    """Split a body name into words: `light_blue_box`, `LightBlueBox` and `light-blue box` are
+    equal.
+    """
     return tuple(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name).lower()))
 
 
 _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
-"""Words behind a noun in names of models, without a meaning of their own."""
+"""Suffixes of model names without a meaning."""
 _BEFORE = re.compile(r"(?=.*[aeiouy])\w{3,}")
-"""Prefixes of compound nouns: `work` of `bench`, but not `sp` of `ring`."""
+"""Valid prefixes of compound nouns: `work` of `bench`, but not `sp` of `ring`."""
 
 
 def is_further(word: str) -> bool:
-    """Test for a part of a name without a meaning: `main`, `1`, `a`."""
+    """True for a part of a name without a meaning: `main`, `1`, `a`."""
     return len(word) == 1 or bool(_FURTHER.fullmatch(word))
 
 
 def is_within(word: str, name: str) -> bool:
-    """Test that a noun of at least three letters is the head of a compound name: `workbench`,
-    `hammerbody`."""
+    """True if a noun of at least three letters is the head of a compound name: `workbench`,
+    `hammerbody`.
+    """
     if len(word) < 3 or word == name:
         return False
     if name.startswith(word) and _FURTHER.fullmatch(name.removeprefix(word)):
@@ -199,7 +207,7 @@ def is_within(word: str, name: str) -> bool:
 
 
 def singulars(word: str) -> tuple[str, ...]:
-    """Words of which `word` may be the plural or the gerund, itself first."""
+    """Return possible singulars of `word`, itself first."""
     forms = [word]
     if word.endswith("ies"):
         forms.append(word[:-3] + "y")
@@ -213,12 +221,13 @@ def singulars(word: str) -> tuple[str, ...]:
 
 
 def lemmas(word: str) -> tuple[str, ...]:
-    """Words of which `word` may be a form, itself first: "slide" for "sliding"."""
+    """Return possible base forms of `word`, itself first: "slide" for "sliding"."""
     found = [word]
     for ending in ("ing", "es", "ed", "s"):
         stem = word.removesuffix(ending)
         if stem == word or len(stem) < 2:
             continue
+        # Also undo the final e, a doubled consonant, and y to i.
         found += [stem, stem + "e"]
         if stem[-1] == stem[-2]:
             found.append(stem[:-1])
@@ -228,32 +237,34 @@ def lemmas(word: str) -> tuple[str, ...]:
 
 
 NEAR = 0.82
-"""Share of the letters that must be the same and in order. Nobody's slip changes the first letter;
-a cable is no table."""
+"""Ratio. Minimum similarity of letters in order. Misspellings keep the first letter, so "cable" is
+not "table".
+"""
 
 
 def nearest_spelling(word: str, known: Collection[str]) -> str | None:
-    """The one of `known` that `word` is a slip of; None if there is none."""
+    """Return the known word that `word` misspells; None without one."""
     if not word.isalpha() or len(word) < 3:
         return None
+    # Candidates have the same first letter and a similar length; swapped letters come first.
     like = [other for other in known if other[0] == word[0] and abs(len(other) - len(word)) <= 2]
     swapped = [other for other in like if len(word) > 3 and sorted(other) == sorted(word)]
     found = swapped or get_close_matches(word, like, 2, NEAR)
     return found[0] if found else None
 
 
-# A request in any of five languages, word by word in English.
+# Translation of a request, word by word into English.
 
 
 _BULLET = re.compile(r"(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+")
 """Start of a list item."""
 
 Names = frozenset[str]
-"""Words of the names of bodies: nobody turns them into others."""
+"""Words of body names, which are never translated."""
 
 
 def in_english(request: str, names: Names, code: str | None) -> str:
-    """The request, lower case, its words turned from the language `code` into English ones."""
+    """Translate a request from the language `code` to English, in lower case."""
     text = _plain(request)
     if code is not None:
         text = " ".join(_translate(_split_words(text), _glossary(code), names, language(code)))
@@ -263,15 +274,16 @@ def in_english(request: str, names: Names, code: str | None) -> str:
 
 
 def colours(code: str | None) -> frozenset[str]:
-    """The words of colours in a language, and in English."""
+    """Return the colour words of a language and of English."""
     known = english().sets["colours"]
     turned = language(code).turned.items() if code else ()
     return known.union(phrase[0] for phrase, said in turned if not known.isdisjoint(said))
 
 
 def spoken(request: str) -> str | None:
-    """Language of the request, by the number of its known words; None for English."""
+    """Return the language with the most known words; None for English."""
     words = _split_words(_plain(request))
+    # English wins ties, because a language must exceed its count.
     best, most = None, sum(word in _english() for word in words)
     for code in LANGUAGES:
         known = {word for phrase in _glossary(code) for word in phrase}
@@ -283,7 +295,7 @@ def spoken(request: str) -> str | None:
 
 @cache
 def _english() -> set[str]:
-    """Common words of English requests."""
+    """Return the common words of English requests."""
     said = english()
     synonyms = [phrase for quantity in catalogue().values() for phrase in quantity.words["en"]]
     known = {word for phrase in (*said.classes, *map(str.split, synonyms)) for word in phrase}
@@ -295,13 +307,13 @@ def _plain(request: str) -> str:
 
 
 def _split_words(text: str) -> list[str]:
-    """The words of a text, those with an apostrophe in two, and what separates sentences."""
+    """Split a text into words and punctuation; a word with an apostrophe becomes two."""
     return re.findall(r"\d+[.,]\d+|\w+|[,;:.?!]", text)
 
 
 @cache
 def _glossary(code: str) -> dict[Phrase, Phrase]:
-    """A language's words, those of quantities as the catalogue has them."""
+    """Return the words of a language, including the quantities of the catalogue."""
     glossary = dict(language(code).turned)
     for quantity in catalogue().values():
         for phrase in quantity.words.get(code, ()):
@@ -315,14 +327,15 @@ def _translate(
     names: Names,
     spoken: Language | None = None,
 ) -> Iterator[str]:
-    """The longest phrases of the glossary as what it turns them into, all else as it is."""
+    """Replace the longest phrases of the glossary; keep all other words."""
     at, most = 0, longest(glossary)
     while at < len(words):
-        # The noun of a compound among the names: "Tisch" for a "schreibtisch".
+        # A word may be the head of a compound name and stays then: "Tisch" for "schreibtisch".
         compound = spoken is not None and spoken.compounds and len(words[at]) > 3
         lengths = range(min(most, len(words) - at), 0, -1)
         if compound and any(is_within(words[at], name) for name in names):
             lengths = range(0)
+        # Longest phrase first; names of bodies are never replaced.
         for length in lengths:
             phrase = tuple(words[at : at + length])
             if phrase in glossary and names.isdisjoint([*phrase, _bare(words[at])]):
@@ -337,7 +350,7 @@ def _translate(
 def _base_form(
     word: str, glossary: Mapping[Phrase, Phrase], names: Names, spoken: Language | None
 ) -> Phrase:
-    """A word that the glossary, or a name, has without its ending or in parts."""
+    """Translate a word by its stem, or in parts as a compound noun."""
     if spoken is None or word in names:
         return (word,)
     if _bare(word) in names:
@@ -347,6 +360,7 @@ def _base_form(
             return (stem if spoken.compounds else stem + "s",)
         if (stem,) in glossary:
             return glossary[stem,]
+    # Split a compound noun where both parts are known.
     for at in range(3, len(word) - 3) if spoken.compounds else ():
         tail = glossary.get((word[at:],))
         for stem in (word[:at], *_stems(word[:at], spoken)) if tail else ():
@@ -356,7 +370,7 @@ def _base_form(
 
 
 def _bare(word: str) -> str:
-    """A word without accents, as names of bodies are written."""
+    """Remove the accents of a word, as in body names."""
     apart = unicodedata.normalize("NFD", word)
     return "".join(letter for letter in apart if not unicodedata.combining(letter))
 
