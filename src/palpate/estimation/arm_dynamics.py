@@ -1,4 +1,4 @@
-"""Dynamics of an arm from a recording: joint friction, links, hand, and how well they predict its rest."""
+"""Dynamics of an arm from a recording: joint friction, links and hand, with a test on a held-out part."""
 
 from __future__ import annotations
 
@@ -35,17 +35,17 @@ from palpate.trace.recording import ArmLog
 from palpate.trace.samples import STANDARD_GRAVITY
 
 UNEVEN_CLOCK = 0.03
-"""part of the velocities by which they may differ from the slope of the angles: 1 % at 1 kHz on a real FR3, 11 % of
-a recording at 30 Hz with even stamps. Sensitive: no."""
+"""Relative difference of velocities and the slope of the angles. A real FR3 showed 1 % at 1 kHz, and a recording at
+30 Hz with even stamps 11 %. Sensitive: no."""
 OBSERVED = 0.5
-"""part of its prior deviation to which a figure must be known to be shown as observed. Sensitive: no."""
+"""Ratio of posterior to prior deviation below which a figure counts as observed. Sensitive: no."""
 FRICTION_BELOW = (0.05, 0.1)
-"""N m and N m s/rad below 0 that friction and damping may be: the simulated arm's damping is -0.03, a controller may
-compensate for some. Sensitive: no."""
+"""N m and N m s/rad. Negative friction and damping up to these sizes are tolerated. The simulated arm's damping is
+-0.03, and a controller may compensate for some. Sensitive: no."""
 HAND_SIZE = 0.3
-"""m from the TCP, beyond which no hand's centre is. Sensitive: no."""
+"""m. Largest distance of a hand's centre from the TCP. Sensitive: no."""
 SURELY = 3.7
-"""standard deviations by which a mass or a friction is surely beyond a limit: chance exceeds them in one of 10 000.
+"""Standard deviations by which a mass or a friction certainly exceeds a limit; chance exceeds them once in 10 000.
 Sensitive: no."""
 
 FIGURES = ("coulomb", "viscous", "armature", "offset")
@@ -53,12 +53,12 @@ FIGURES = ("coulomb", "viscous", "armature", "offset")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFigure:
-    """Figure of each of n joints.
+    """One identified quantity for each of n joints.
 
     Attributes:
         value, std: (n,).
-        prior: standard deviation before the recording.
-        shown: (n,) joints whose motion can show it.
+        prior: prior standard deviation.
+        shown: (n,) True for joints whose motion makes it observable.
     """
 
     value: Array
@@ -68,11 +68,11 @@ class JointFigure:
 
     @property
     def observed(self) -> tuple[bool, ...]:
-        """(n,) True where the joint's motion shows it and narrows the prior."""
+        """(n,) True where the motion makes it observable and the fit narrows the prior."""
         return tuple((self.shown & (self.std < OBSERVED * self.prior)).tolist())
 
     def record(self, joint: int) -> dict[str, float] | None:
-        """Value and deviation of a joint, if observed."""
+        """Value and standard deviation of a joint for JSON; None if not observed."""
         if not self.observed[joint]:
             return None
         return {"value": float(self.value[joint]), "std": float(self.std[joint])}
@@ -80,13 +80,13 @@ class JointFigure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundHand:
-    """All that the last joint moves beside its own link.
+    """Everything that the last joint moves except its own link.
 
     Attributes:
         mass: kg.
-        centre: (3,) m from the TCP, in the axes of the tool; None where the mass does not stand out of its error.
-        mass_std, centre_std: of them.
-        parameters: (10,) about the last joint's anchor, as the regressor's.
+        centre: (3,) m from the TCP, in tool axes; None where the mass is not significant.
+        mass_std, centre_std: their standard deviations.
+        parameters: (10,) about the last joint's anchor, as in the regressor.
     """
 
     mass: float
@@ -96,7 +96,7 @@ class FoundHand:
     parameters: Array
 
     def record(self) -> dict[str, object]:
-        """Return the figures as plain numbers, for JSON."""
+        """Figures as plain numbers for JSON."""
         centre = None
         if self.centre is not None:
             centre = {"value": self.centre.tolist(), "std": self.centre_std.tolist()}
@@ -110,23 +110,24 @@ class FoundHand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DynamicsFit:
-    """Dynamics of an arm.
+    """Identified dynamics of an arm.
 
     Attributes:
         source: name of the recording.
-        arm: the description that it starts from.
-        seconds, held_out: s of the recording, and of its part that was predicted.
-        coulomb: N m of friction while a joint turns.
+        arm: description that the fit starts from.
+        seconds, held_out: s, duration of the recording and of its held-out part.
+        coulomb: N m, Coulomb friction.
         viscous: N m s/rad.
-        armature: kg m² of a joint's own beside the links; of motors, where torque is measured before the gears.
-        offset: N m that a sensor shows too much.
+        armature: kg m², inertia of a joint's own besides the links: of motors, if torque is measured before the gears.
+        offset: N m, zero error of a sensor.
         links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre.
         parameters: (7, 10) of the corrected links, about their joints' anchors.
-        hand: None where it was stated.
-        rms: (7,) N m of torque left below `BAND` in the held-out part, by model: `described`, `friction`
+        hand: identified hand; None where it was stated.
+        rms: (7,) N m, torque residual below `BAND` in the held-out part, by model: `described`, `friction`
             (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
-        notes: what was repaired in the recording, and what is wrong with it.
-        contradictions: figures that no arm has, a sentence each with the likely cause; then nothing is written.
+        notes: repairs and defects of the recording.
+        contradictions: physically impossible figures, one sentence each with the likely cause. If there are any,
+            nothing is written.
     """
 
     source: str
@@ -146,7 +147,7 @@ class DynamicsFit:
     contradictions: tuple[str, ...] = ()
 
     def record(self) -> dict[str, object]:
-        """All figures as plain numbers, SI units; None where the recording does not show one."""
+        """All figures as plain numbers, SI units; None where the recording does not show a figure."""
         joints: list[dict[str, object]] = []
         for i, name in enumerate(self.arm.joints):
             figures = {each: getattr(self, each).record(i) for each in FIGURES}
@@ -172,22 +173,25 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> D
     """Identify the dynamics of an arm from a recording of free motion.
 
     Args:
-        arm: its description.
-        hand: kg of all that is mounted on the flange, shaped as the described hand; 0 is a bare flange; None:
-            to be found.
+        log: recording.
+        arm: description of the arm.
+        hand: kg of all that is mounted on the flange, shaped as the described hand; 0 is a bare flange. None: it is
+            identified.
 
     Raises:
-        InputError: too short, no joint moves, or angles or velocities that the arm cannot have.
+        InputError: The recording is too short, no joint moves, or angles or velocities are impossible for the arm.
     """
     chain, accuracy = arm.nominal.chain, arm.sensors
     assert chain is not None
     bodies = Bodies.of(chain, accuracy.link_mass, accuracy.link_com, arm.limits.payload)
     setup = Setup(chain, bodies, arm.home, np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+    # Check the stated hand.
     most = arm.limits.payload + float(bodies.hand[0])
     if hand is not None and not 0.0 <= hand <= most:
         raise InputError(
             f"a hand of {hand:g} kg is not between 0 and {most:.2f} kg, hand and payload"
         )
+    # A joint must reverse its motion to show its friction.
     first, rest = stretches(log)
     reversing = turned_round(np.concatenate([motion.dahl[:, :, -1] for motion in (*first, *rest)]))
     if not reversing.any():
@@ -196,11 +200,13 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> D
             "round often, by some degrees at least"
         )
     explains = explained_upright(log, arm)
+    # Frequency rows of both parts, and prior knowledge: with an unknown hand, and with the described or stated one.
     learnt, held_out = (SpectrumRows.of(motions, setup) for motions in (first, rest))
     known = None if hand is None else bodies.hand * (hand / max(float(bodies.hand[0]), 1e-9))
     assumed = Assumed(bodies, known, gain_root(arm.nominal, len(arm.joints)))
     given = Assumed(bodies, bodies.hand if known is None else known, assumed.gains)
     every = (*FRICTION, *DETAILS, *PARTS, *((HAND,) if known is None else ()))
+    # Residuals in the held-out part by model, fitted to the first part alone.
     left = {"described": given.described(held_out, given.hand)}
     left["friction"] = fit_arm(learnt, given, FRICTION).predicted(held_out)
     left["all"] = fit_arm(learnt, assumed, every).predicted(held_out)
@@ -208,15 +214,16 @@ def identify(log: ArmLog, arm: RobotDescription, hand: float | None = None) -> D
     if held_out.tau_ext is not None:
         left["controller"] = held_out.tau_ext
     rms = {name: np.sqrt((e**2).sum(axis=0) / held_out.samples) for name, e in left.items()}
+    # The reported figures come from a fit to the whole recording.
     notes = (*log.notes, *_uneven([*first, *rest]))
     found = fit_arm(SpectrumRows.concatenate([learnt, held_out]), assumed, every)
     made = _dynamics(log, arm, found, reversing, rms, notes)
-    # Figures of an arm that does not explain its recording mean nothing: they are no second contradiction.
+    # An arm that fails to explain its recording has no meaningful figures: report that contradiction alone.
     return made if explains.passed else replace(made, contradictions=(explains.finding,))
 
 
 def _uneven(motions: Sequence[JointMotion]) -> Iterator[str]:
-    """Yield a note where velocities do not follow from angles and times."""
+    """Yield a note if velocities do not agree with angles and times."""
     slip = np.concatenate([motion.slip for motion in motions])
     share = slip.std() / max(float(np.concatenate([motion.dq for motion in motions]).std()), 1e-9)
     if share > UNEVEN_CLOCK:
@@ -236,11 +243,12 @@ def _dynamics(
 ) -> DynamicsFit:
     def figure(name: str) -> JointFigure:
         mean, covariance = found.posterior[name]
-        # What changes its sign with the direction needs both; what grows with a rate does not.
+        # Coulomb friction needs motion in both directions; the other figures do not.
         shown = reversing | (name != COULOMB)
         return JointFigure(mean, np.sqrt(np.diag(covariance)), PRIORS[name], shown)
 
     bodies = found.assumed.bodies
+    # Corrections of the links, in the link frame of the errors.
     links, links_std = np.empty_like(bodies.links), np.empty_like(bodies.links)
     for name, part in PARTS.items():
         mean, covariance = found.posterior[name]
@@ -272,7 +280,8 @@ def _dynamics(
 def _contradictions(
     coulomb: JointFigure, viscous: JointFigure, hand: FoundHand | None
 ) -> Iterator[str]:
-    """Yield figures that no arm has, where they are surely so, and their likely cause."""
+    """Yield one sentence for each figure that is certainly impossible for an arm, with its likely cause."""
+    # Negative friction or damping.
     for figure, name, least in zip(
         (coulomb, viscous), ("Friction", "Damping"), FRICTION_BELOW, strict=True
     ):
@@ -288,6 +297,7 @@ def _contradictions(
             )
     if hand is None:
         return
+    # Negative mass, or a centre too far from the TCP.
     if hand.mass + SURELY * hand.mass_std < 0.0:
         yield (
             f"The hand weighs {hand.mass:.2f} ± {hand.mass_std:.2f} kg, less than nothing: the links are lighter than "
@@ -303,10 +313,11 @@ def _contradictions(
 
 
 def _hand(arm: RobotDescription, found: ArmFit) -> FoundHand:
-    """Mass and centre of the hand."""
+    """Mass and centre of the identified hand."""
     chain, reach = arm.nominal.chain, found.assumed.bodies.reach
     assert chain is not None
     mean, covariance = found.posterior[HAND]
+    # Centre = first moment over mass; its covariance by the linearised quotient, in tool axes.
     mass, std, shift = float(mean[0]), float(np.sqrt(covariance[0, 0])), mean[1:4] / mean[0]
     tool = np.array(chain.tool)
     slope = np.concatenate([-shift[:, None], np.eye(3)], axis=1) / mass

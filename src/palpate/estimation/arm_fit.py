@@ -1,4 +1,4 @@
-"""Fit of an arm's torques: links, hand, friction and sensors as causes."""
+"""Fit of an arm's torques: links, hand, friction and sensors as causes of torque."""
 
 from __future__ import annotations
 
@@ -28,12 +28,13 @@ from palpate.trace.recording import Chain
 from palpate.trace.samples import STANDARD_GRAVITY
 
 STRIBECK_SPEEDS = (0.05, 0.2)
-"""... within each of these speeds, rad/s. Sensitive: hand 0.1 σ, std ×1.0–1.1; others at most 1.8 σ, std ×0.8–1.3."""
+"""rad/s. Speeds below which slow friction differs. Sensitive: hand 0.1 σ, std ×1.0–1.1; others at most 1.8 σ, std
+×0.8–1.3."""
 LINK_INERTIA = 0.5
-"""part (1 sigma) of a link's mean moment of inertia: those of a real FR3 are off its description by more than 0.3
-(evidence e^15 against 0.1). Sensitive: hand 1.4 σ, std ×0.9–3.1."""
+"""Fraction (1 sigma) of a link's mean moment of inertia. Those of a real FR3 differ from its description by more than
+0.3 (evidence e^15 against 0.1). Sensitive: hand 1.4 σ, std ×0.9–3.1."""
 HAND_REACH = 0.1
-"""m (1 sigma) between the centre of an unknown hand and the described one's, and its radius of gyration.
+"""m (1 sigma). Distance between the centre of an unknown hand and the described one's, and its radius of gyration.
 Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std ×0.8–1.0."""
 
 LINKS, COULOMB = "links", "coulomb"
@@ -41,15 +42,15 @@ LINKS, COULOMB = "links", "coulomb"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
-    """Inertial parameters of an arm as it is described.
+    """Inertial parameters of an arm by its description.
 
     Attributes:
-        links: (7, 10) each without what is fixed to it.
-        hand: (10,) all that the last joint moves beside its own link.
+        links: (7, 10) of each link, without bodies fixed to the last one.
+        hand: (10,) of all that the last joint moves except its own link.
         errors: (7, 10) standard deviations of mass, first moment and inertia about each link's centre.
-        anchors: (7, 3) m, of the joints at angles 0, in the axes of the base.
+        anchors: (7, 3) m, positions of the joints at zero angles, in base axes.
         reach: (3,) m, centre of the described hand from the last anchor.
-        load: kg that the arm may carry.
+        load: kg, payload of the arm.
     """
 
     links: Array
@@ -61,16 +62,22 @@ class Bodies:
 
     @classmethod
     def of(cls, chain: Chain, link_mass: float, link_com: float, load: float) -> Bodies:
-        """Inertial parameters of an arm, whose links' masses are wrong by `link_mass` of them and centres by
-        `link_com`, m (1 sigma), and which may carry `load`, kg."""
+        """Read the inertial parameters of a chain.
+
+        `link_mass` is the relative error of link masses, `link_com` the error of their centres, m (1 sigma each).
+        `load` is the payload, kg.
+        """
         anchors = np.array(chain.anchors)
         own = [next(link for link in chain.links if link.joint == i) for i in range(len(anchors))]
         links = np.array([parameters([o], a) for o, a in zip(own, anchors, strict=True)])
+        # Add the bodies fixed to a link, such as a separate flange.
         for link in chain.links:  # fixed to a link, as a flange of its own
             if link not in own and link.joint < len(anchors) - 1:
                 links[link.joint] += parameters([link], anchors[link.joint])
+        # The hand: all bodies on the last joint but its own link.
         beside = [link for link in chain.links if link.joint == len(anchors) - 1]
         hand = parameters([link for link in beside if link is not own[-1]], anchors[-1])
+        # Prior deviations of mass, first moment, and inertia about the centre.
         errors = np.empty_like(links)
         for error, link in zip(errors, links, strict=True):
             error[0] = link_mass * link[0]
@@ -80,25 +87,25 @@ class Bodies:
         return cls(links, hand, errors, anchors, reach, load)
 
     def link_frame(self, joint: int) -> Array:
-        """(10, 10) parameters by the errors' mass, first moment and inertia."""
+        """Matrix (10, 10) from mass, first moment and inertia about the link's centre to those about its anchor."""
         return placed_at(self.links[joint, 1:4] / self.links[joint, 0])
 
     def hand_prior(self) -> Array:
-        """(10,) standard deviations of mass, first moment and inertia about `reach` of an unknown hand."""
+        """(10,) standard deviations of mass, first moment and inertia of an unknown hand about `reach`."""
         size = HAND_REACH
         return self.load * np.array([1.0, *[size] * 3, *[size**2] * 3, *[size**2 / 2.0] * 3])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setup:
-    """An arm where it stands.
+    """Arm at its installation.
 
     Attributes:
-        chain: its kinematics.
-        bodies: as described.
+        chain: kinematics.
+        bodies: inertial parameters by the description.
         home: (7,) rad, usual angles.
-        gravity: (3,) m/s², in the axes of the base.
-        held: its torques lack what holds it up as described.
+        gravity: (3,) m/s², in base axes.
+        held: True if the logged torques exclude the described arm's gravity.
     """
 
     chain: Chain
@@ -110,14 +117,14 @@ class Setup:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectrumRows:
-    """Torques and their causes by frequency, in k coefficients of each of 7 joints.
+    """Torques and their causes in the frequency domain: k coefficients of each of 7 joints.
 
     Attributes:
         tau: (k, 7) N m.
-        tau_ext: (k, 7) the controller's own estimate; None where not logged.
-        columns: (k, 7, c) by name.
+        tau_ext: (k, 7) N m, the controller's own estimate; None where not logged.
+        columns: (k, 7, c) columns of each cause, by name.
         frequency: (k,) Hz.
-        samples: rows of the stretches, in time.
+        samples: number of rows of the stretches, in the time domain.
     """
 
     tau: Array
@@ -128,12 +135,12 @@ class SpectrumRows:
 
     @classmethod
     def of(cls, motions: Sequence[JointMotion], setup: Setup) -> SpectrumRows:
-        """Rows of stretches of a recording."""
+        """Transform stretches of a recording."""
         return cls.concatenate([_stretch(motion, setup) for motion in motions])
 
     @classmethod
     def concatenate(cls, parts: Sequence[SpectrumRows]) -> SpectrumRows:
-        """Rows of several stretches together."""
+        """Concatenate the rows of several stretches."""
         external = [part.tau_ext for part in parts if part.tau_ext is not None]
         return cls(
             tau=np.concatenate([part.tau for part in parts]),
@@ -147,22 +154,23 @@ class SpectrumRows:
         )
 
     def bearing(self, torque: Array) -> SpectrumRows:
-        """Rows in which the sensors' gains act on a further `torque` (7 k,), too."""
+        """Copy in which the sensors' gains also act on a further `torque` (7 k,), N m."""
         gain = self.columns["gain"] + each(torque.reshape(self.tau.shape))
         return replace(self, columns={**self.columns, "gain": gain})
 
     def of_bodies(self, bodies: Bodies) -> Array:
-        """(k, 7, 7, 10) columns of mass, first moment and inertia about each link's centre."""
+        """Columns (k, 7, 7, 10) of mass, first moment and inertia about each link's centre."""
         by_link = self.columns[LINKS].reshape(*self.tau.shape, -1, PARAMETERS)
         frames = np.array([bodies.link_frame(i) for i in range(len(bodies.links))])
         return np.einsum("kjlp,lpx->kjlx", by_link, frames)
 
 
 def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
-    """Compute the rows of one stretch."""
+    """Compute the rows of one stretch: the columns of every cause, transformed to frequencies."""
     chain, bodies, home = setup.chain, setup.bodies, setup.home
     step = motion.step
     q, dq = motion.q, motion.dq
+    # Torques of the links per unit parameter, and of the described arm with its hand.
     links = regressor(chain, q, dq, motion.ddq, setup.gravity)
     weight = bodies.links.copy()
     weight[-1] += bodies.hand
@@ -171,8 +179,10 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
         still = np.zeros_like(angles)
         return np.einsum("njlp,lp->nj", regressor(chain, angles, still, still, gravity), weight)
 
+    # Measured torque without sensor errors; joint friction grows with its load beyond that at home.
     felt = np.einsum("njlp,lp->nj", links, weight)
     loads = np.abs(felt) - np.abs(static_torque(home[None], setup.gravity))
+    # Columns by cause; a gain scales the torque, a delay adds its time derivative.
     columns = {
         LINKS: links.reshape(len(q), 7, -1),
         **_frictions(motion, loads),
@@ -186,6 +196,7 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
         ),
         "delay": np.gradient(felt, step, axis=0)[:, :, None],
     }
+    # Torques logged without gravity get the described arm's gravity back.
     external = motion.tau_ext
     tau = transform_signal(
         motion.tau + static_torque(q, setup.gravity) if setup.held else motion.tau, step
@@ -200,9 +211,12 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
 
 
 def _frictions(motion: JointMotion, loads: Array) -> dict[str, Array]:
-    """Columns of each joint's friction: its level, and by what it differs from it; `loads` (n, 7) N m are what the
-    joints bear beyond their load at home."""
+    """Columns of each joint's friction: its level, and its deviations from Dahl's law.
+
+    `loads` (n, 7), N m, are the torques of the joints beyond those at home.
+    """
     q, speed, usual = motion.q, np.abs(motion.dq), motion.dahl[:, :, 0]
+    # Deviations: position (two harmonics), presliding distance, load, speed (Stribeck), and the initial state.
     waves = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     others = np.moveaxis(motion.dahl[:, :, 1:], 2, 0)
     return {
@@ -216,67 +230,66 @@ def _frictions(motion: JointMotion, loads: Array) -> dict[str, Array]:
 
 
 def each(*signals: Array) -> Array:
-    """(k, 7, 7 s) columns of each joint's own of s signals (k, 7)."""
+    """Columns (k, 7, 7 s) that give each joint its own coefficient of each of s signals (k, 7)."""
     joints = np.eye(signals[0].shape[1])
     return np.concatenate([signal[:, :, None] * joints for signal in signals], axis=2)
 
 
-# Fit of an arm's torques: causes with priors, noise and presliding learnt from the recording
-# itself.
+# Fit of an arm's torques: causes with priors; noise and presliding are learned from the recording
 
 
 PRESLIDING_SHARE = 0.3
-"""... and parts (1 sigma) of it that do so over each of the others: no law of friction is Dahl's alone. Sensitive:
-hand 0.2 σ, std ×1.0–1.1; others at most 2.0 σ, std ×0.8–1.1."""
+"""Fractions (1 sigma) of a joint's friction that reverse over the other `PRESLIDINGS`: no real friction follows Dahl's
+law alone. Sensitive: hand 0.2 σ, std ×1.0–1.1; others at most 2.0 σ, std ×0.8–1.1."""
 COULOMB_PRIOR = 1.0
-"""N m (1 sigma): 0.15 to 0.5 were seen on real arms. Sensitive: hand 0 σ, std ×1.0–1.0; others at most 0.2 σ, std
-×1.0–1.0."""
+"""N m (1 sigma) of Coulomb friction; real arms showed 0.15 to 0.5. Sensitive: hand 0 σ, std ×1.0–1.0; others at most
+0.2 σ, std ×1.0–1.0."""
 USUAL_FRICTION = 0.3
-"""N m of a joint's friction before it is seen: 0.15 to 0.5. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most
-1.0 σ, std ×0.9–1.0."""
+"""N m. Initial value of a joint's friction; real arms showed 0.15 to 0.5. Sensitive: hand 0.1 σ, std ×1.0–1.0; others
+at most 1.0 σ, std ×0.9–1.0."""
 UNEVEN_FRICTION = 0.1
-"""part (1 sigma) of a joint's friction by which it differs between angles, by sine and cosine of one and two
-turns. Chosen, without a source. Sensitive: hand 0.2 σ, std ×1.0–1.0; others at most 1.2 σ, std ×0.6–1.9."""
+"""Fraction (1 sigma) of a joint's friction that varies with the angle, by sine and cosine of one and two turns.
+Chosen, without a source. Sensitive: hand 0.2 σ, std ×1.0–1.0; others at most 1.2 σ, std ×0.6–1.9."""
 LOADED_FRICTION = 3e-3
-"""N m of friction per N m that a joint bears (1 sigma). Chosen, without a source. Sensitive: hand 0 σ, std
-×1.0–1.0; others at most 0.5 σ, std ×0.8–1.2."""
+"""N m of friction per N m of joint load (1 sigma). Chosen, without a source. Sensitive: hand 0 σ, std ×1.0–1.0; others
+at most 0.5 σ, std ×0.8–1.2."""
 SLOW_FRICTION = 0.2
-"""part (1 sigma) of a joint's friction by which slow friction is more or less than quick friction ... Sensitive:
+"""Fraction (1 sigma) of a joint's friction by which slow and fast friction differ, at `STRIBECK_SPEEDS`. Sensitive:
 hand 0.1 σ, std ×1.0–1.1; others at most 0.8 σ, std ×0.9–1.1."""
 VISCOUS_PRIOR = 0.5
-"""N m s/rad (1 sigma): 0.07 on a Panda's first joint. Sensitive: hand 0 σ, std ×1.0–1.0; others at most 0.6 σ, std
-×0.7–1.2."""
+"""N m s/rad (1 sigma) of viscous friction; 0.07 on a Panda's first joint. Sensitive: hand 0 σ, std ×1.0–1.0; others
+at most 0.6 σ, std ×0.7–1.2."""
 ARMATURE_PRIOR = 0.3
-"""kg m² (1 sigma): 0.2 to 0.6 are a Franka's motors before the sensors, and 0 behind them. Sensitive: no."""
+"""kg m² (1 sigma). A Franka's motors have 0.2 to 0.6, seen by sensors before the gears, 0 after them. Sensitive: no."""
 OFFSET_PRIOR = 0.3
-"""N m (1 sigma): 0.01 to 0.48 were seen on real arms. Sensitive: hand 0.3 σ, std ×1.0–1.2; others at most 1.7 σ,
-std ×0.8–1.2."""
+"""N m (1 sigma) of a sensor's zero; real arms showed 0.01 to 0.48. Sensitive: hand 0.3 σ, std ×1.0–1.2; others at most
+1.7 σ, std ×0.8–1.2."""
 CABLE_PRIOR = 0.1
-"""N m/rad (1 sigma) by which cables and hoses pull a joint back. Chosen, without a source. Sensitive: hand 0.7 σ,
-std ×0.8–1.1."""
+"""N m/rad (1 sigma). Stiffness of cables and hoses at a joint. Chosen, without a source. Sensitive: hand 0.7 σ, std
+×0.8–1.1."""
 DELAY_PRIOR = 3e-3
-"""s (1 sigma) between the clocks of positions and torques: three cycles of a controller. Sensitive: hand 0 σ, std
-×1.0–1.0; others at most 0.1 σ, std ×1.0–1.0."""
+"""s (1 sigma). Delay between positions and torques: three cycles of a controller. Sensitive: hand 0 σ, std ×1.0–1.0;
+others at most 0.1 σ, std ×1.0–1.0."""
 LEAN_PRIOR = 2e-3
-"""rad (1 sigma): how far the base is out of level: 2 mm/m are what a spirit level leaves. Sensitive: hand 0.2 σ,
-std ×0.9–1.2; others at most 1.0 σ, std ×0.9–1.2."""
+"""rad (1 sigma). Tilt of the base: a spirit level leaves 2 mm/m. Sensitive: hand 0.2 σ, std ×0.9–1.2; others at most
+1.0 σ, std ×0.9–1.2."""
 LINK_FACTORS = (1.0, 3.0, 10.0, 30.0)
-"""times the description's errors that the links' weight may be off: a description of another arm of its kind ...
-Sensitive: hand 0.1 σ, std ×0.7–1.2."""
+"""Factors on the errors of the described link weights, for a description of another arm of its kind. Sensitive: hand
+0.1 σ, std ×0.7–1.2."""
 LIKELY_LINKS = (0.99, 0.006, 0.003, 0.001)
-"""... and how likely each is. Chosen, without a source: a description is that of its arm. Sensitive: hand 0.1 σ,
-std ×0.9–1.1."""
+"""Prior probabilities of `LINK_FACTORS`. Chosen, without a source: a description usually belongs to its arm.
+Sensitive: hand 0.1 σ, std ×0.9–1.1."""
 FIRST_RESIDUAL = 0.1
-"""N m: what no cause explains, in the first round of fitting. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most
-1.0 σ, std ×0.9–1.0."""
+"""N m. Residual in the first round of fitting. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std
+×0.9–1.0."""
 NOISE_ROUNDS = 4
-"""rounds of fitting, in which the residual is learnt. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.7 σ,
-std ×0.8–1.1."""
+"""Number of fitting rounds that learn the residual. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.7 σ, std
+×0.8–1.1."""
 
 HAND, GAIN, COMMON = "hand", "gain", "common gain"
 WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
-"""Of the links: masses and first moments, which gravity shows, and inertias."""
+"""Parameters of the links: masses and first moments, observable by gravity, and inertias."""
 FRICTION = ("offset", COULOMB, "strained", "viscous")
 DETAILS = (
     "presliding",
@@ -303,7 +316,7 @@ PRIORS = {
     "lean": LEAN_PRIOR,
     "delay": DELAY_PRIOR,
 }
-"""Standard deviation of each unknown of a cause, about 0 ..."""
+"""Prior standard deviation, about 0, of each unknown of a cause."""
 LABELS = {
     GAIN: tuple(f"gain of joint {joint}" for joint in range(1, 8)),
     COMMON: ("gain of all joints",),
@@ -313,20 +326,20 @@ LABELS = {
         for kind in ("mass", *(f"centre along {axis}" for axis in "xyz"))
     ),
 }
-"""Names of unknowns whose errors other runs of the arm share."""
+"""Names of unknowns whose errors are shared with other runs of the arm."""
 RELATIVE = ("presliding", "uneven", "stribeck")
-"""... of these times the joint's friction."""
+"""Causes with priors relative to the joint's friction."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Assumed:
-    """Prior of an arm's parameters.
+    """Prior knowledge of an arm's parameters.
 
     Attributes:
-        bodies: as described.
-        hand: (10,) known parameters of all that the last joint carries; None: to be found.
-        gains: (7, 7) effects of one standard deviation of each cause on the relative errors of the torque sensors.
-        common: standard deviation of one that all of them share.
+        bodies: inertial parameters by the description.
+        hand: (10,) known parameters of all that the last joint carries; None if they are fitted.
+        gains: (7, 7) effect of one standard deviation of each cause on the relative errors of the torque sensors.
+        common: standard deviation of a gain error common to all sensors.
     """
 
     bodies: Bodies
@@ -335,14 +348,14 @@ class Assumed:
     common: float = 0.0
 
     def described(self, rows: SpectrumRows, hand: Array | None) -> Array:
-        """(k, 7) torques of the described links and of a hand."""
+        """(k, 7) torques, N m, of the described links and of a hand."""
         links = self.bodies.links.copy()
         if hand is not None:
             links[-1] += hand
         return rows.columns[LINKS] @ links.ravel()
 
     def causes(self, rows: SpectrumRows, names: Sequence[str], level: Array) -> list[Cause]:
-        """Causes by name; `level` (7,) N m is the joints' friction."""
+        """Build the causes `names`; `level` (7,), N m, is the joints' friction."""
         return [self._cause(rows, name, level) for name in names]
 
     def _cause(self, rows: SpectrumRows, name: str, level: Array) -> Cause:
@@ -361,6 +374,7 @@ class Assumed:
             columns = rows.columns[name]
             prior = np.full(columns.shape[2], PRIORS[name])
         if name in RELATIVE:
+            # Scale relative priors by the friction of each joint.
             prior *= np.tile(level, len(prior) // len(level))
         shared = LABELS.get(name)
         of = None if shared is None else "arm"
@@ -372,9 +386,9 @@ class ArmFit:
     """Fit of an arm's torques.
 
     Attributes:
-        assumed: before it.
-        posterior: of its causes.
-        level: (7,) N m of the joints' friction, for the priors of what depends on it.
+        assumed: prior knowledge.
+        posterior: posterior of the causes.
+        level: (7,) N m, joint friction that scales the relative priors.
     """
 
     assumed: Assumed
@@ -382,7 +396,7 @@ class ArmFit:
     level: Array
 
     def predicted(self, rows: SpectrumRows) -> Array:
-        """(k, 7) torques of other rows."""
+        """(k, 7) torques, N m, predicted for other rows."""
         names = [cause.name for cause in self.posterior.causes]
         causes = self.assumed.causes(rows, names, self.level)
         caused = sum(cause.columns @ self.posterior[cause.name][0] for cause in causes)
@@ -397,8 +411,19 @@ def fit_arm(
     others: Sequence[Cause] = (),
     learned: Sequence[PriorScale] = (),
 ) -> ArmFit:
-    """Fit causes to rows, among them further `loads`, on which the sensors' gains act, and `others`, with further
-    scales to be `learned`; in rounds, as the residual's size by frequency is learnt from what the last round left."""
+    """Fit causes to rows by iteratively reweighted least squares.
+
+    Each round learns the residual's spectrum from the residuals of the previous round.
+
+    Args:
+        rows: torques and columns.
+        assumed: prior knowledge.
+        names: causes of the arm.
+        loads: further causes, on which the sensors' gains act as well.
+        others: further causes, without gains.
+        learned: prior scales of `others` that are learned.
+    """
+    # The described arm is subtracted, so that the unknowns are corrections to it.
     y = rows.tau - assumed.described(rows, assumed.hand)
     shape, std = ResidualSpectrum(rows.frequency), np.full(y.shape, FIRST_RESIDUAL)
     scales = [*learned]
@@ -412,6 +437,7 @@ def fit_arm(
         return fit(causes, noise, y.ravel(), scales)
 
     for _ in range(NOISE_ROUNDS):
+        # Residual spectrum of each joint, friction level, and load torque for the gains, from this round.
         posterior = solve()
         known = posterior.leverage.reshape(y.shape)
         left = posterior.residual.reshape(y.shape) * std

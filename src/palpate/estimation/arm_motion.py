@@ -1,4 +1,4 @@
-"""Motion of an arm on a uniform clock, and its signals by frequency."""
+"""Motion of an arm on a uniform clock, and its signals in the frequency domain."""
 
 from __future__ import annotations
 
@@ -15,43 +15,43 @@ from palpate.estimation.joint_friction import dahl
 from palpate.trace.recording import ArmLog
 
 MOTION_BAND = 15.0
-"""Hz up to which the motion is known from the encoders: products of it fill `BAND`. Sensitive: hand 0.1 σ, std
-×1.0–1.1; others at most 1.0 σ, std ×0.9–1.1."""
+"""Hz. Bandwidth of the motion from the encoders: products of it fill `BAND`. Sensitive: hand 0.1 σ, std ×1.0–1.1;
+others at most 1.0 σ, std ×0.9–1.1."""
 CLOCK = 200.0
-"""Hz of the common clock of all signals, at most. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std
+"""Hz. Largest rate of the common clock of all signals. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std
 ×0.9–1.0."""
 SLOWEST = 0.05
-"""s between rows at most: two a period of twice `BAND`. Sensitive: no."""
+"""s. Largest time between rows: two rows per period of twice `BAND`. Sensitive: no."""
 LOG_GAP = 0.2
-"""s without a row after which a recording begins anew. Sensitive: no."""
+"""s. A longer time without a row splits a recording. Sensitive: no."""
 EDGE = 0.2
-"""s at both ends of a recording that its filter needs: three periods of `MOTION_BAND`. Sensitive: hand 0.1 σ, std
+"""s. Margin at both ends of a recording for the filter: three periods of `MOTION_BAND`. Sensitive: hand 0.1 σ, std
 ×0.9–1.0; others at most 2.1 σ, std ×0.9–1.2."""
 STRETCH = 20.0
-"""s of a stretch that is transformed together. Sensitive: hand 0 σ, std ×1.0–1.0; others at most 0.1 σ, std
+"""s. Longest stretch for one cosine transform. Sensitive: hand 0 σ, std ×1.0–1.0; others at most 0.1 σ, std
 ×1.0–1.0."""
 SHORTEST_STRETCH = 2.0
-"""s: shorter pieces of a recording are left out. Sensitive: no."""
+"""s. Shorter pieces of a recording are left out. Sensitive: no."""
 SHORTEST_LOG = 5.0
-"""s of motion that are needed at least: ten periods of 0.5 Hz, less a held-out part. Sensitive: no."""
+"""s. Shortest motion accepted: ten periods of 0.5 Hz, without the held-out part. Sensitive: no."""
 LEARNT = 0.6
-"""part of a recording, from its start, that predicts the rest of it. Sensitive: hand 0.1 σ, std ×1.0–1.1; others
-at most 0.9 σ, std ×0.9–1.1."""
+"""Fraction of a recording, from its start, that is fitted; the rest is held out. Sensitive: hand 0.1 σ, std ×1.0–1.1;
+others at most 0.9 σ, std ×0.9–1.1."""
 PRESLIDINGS = (1.5e-3, 6e-4, 4e-3, 1e-2)
-"""rad over which parts of a joint's friction turn round: the usual one (1 to 4 mrad were seen on real arms) ...
-Sensitive: hand 0.4 σ, std ×0.9–1.1; others at most 1.7 σ, std ×0.7–1.3."""
+"""rad. Presliding distances over which elements of a joint's friction reverse. The first is the usual one (real arms
+showed 1 to 4 mrad). Sensitive: hand 0.4 σ, std ×0.9–1.1; others at most 1.7 σ, std ×0.7–1.3."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointMotion:
-    """Joint signals at n uniform times, low-passed without a shift in time.
+    """Joint signals at n uniform times, low-passed by a zero-phase filter.
 
     Attributes:
         t: (n,) s.
         q, dq, ddq: (n, 7) rad, rad/s, rad/s².
         tau, tau_ext: (n, 7) N m; None where not logged.
-        dahl: (n, 7, p) friction of unit level by Dahl's model, for each of `PRESLIDINGS`.
-        strained: (n, 7, p) what is left of the friction at the start of the recording, likewise.
+        dahl: (n, 7, p) Dahl friction of unit level, for each of `PRESLIDINGS`.
+        strained: (n, 7, p) decaying remainder of the friction from before the recording, for each of `PRESLIDINGS`.
     """
 
     t: Array
@@ -68,27 +68,28 @@ class JointMotion:
 
     @property
     def step(self) -> float:
-        """Time from row to row, s."""
+        """s, time between rows."""
         return float(self.t[1] - self.t[0])
 
     @property
     def slip(self) -> Array:
-        """(n, 7) rad/s by which the velocities differ from the slope of the angles: uneven clocks."""
+        """(n, 7) rad/s, velocities minus the slope of the angles: an uneven clock makes them differ."""
         return self.dq - _slope(self.t, self.q)
 
     def between(self, first: int, last: int) -> JointMotion:
-        """Rows from `first` up to `last`."""
+        """Rows from `first` up to, not including, `last`."""
         parts = {field.name: getattr(self, field.name) for field in fields(self)}
         rows = {name: part[first:last] for name, part in parts.items() if part is not None}
         return replace(self, **rows)
 
 
 def stretches(log: ArmLog) -> tuple[list[JointMotion], list[JointMotion]]:
-    """Stretches of a recording without gaps: its first part, `LEARNT`, and the held-out rest.
+    """Split a recording at its gaps into stretches: its first part, `LEARNT`, and the held-out rest.
 
     Raises:
-        InputError: too short, or too few rows a second.
+        InputError: The recording is too short, has too few rows a second, or has gaps around its middle.
     """
+    # Check the sample rate and the total duration.
     steps = np.diff(log.t)
     step = float(np.median(steps)) if len(steps) else np.inf
     if step > SLOWEST:
@@ -103,6 +104,7 @@ def stretches(log: ArmLog) -> tuple[list[JointMotion], list[JointMotion]]:
             f"{log.source} has {seconds:.1f} s without gaps: record at least {SHORTEST_LOG:g} s of free "
             "motion, better 60 s, in which every joint turns round often"
         )
+    # Cut every run at the time that separates fitted and held-out parts.
     split = log.t[0] + LEARNT * (log.t[-1] - log.t[0])
     learnt: list[JointMotion] = []
     held_out: list[JointMotion] = []
@@ -116,7 +118,7 @@ def stretches(log: ArmLog) -> tuple[list[JointMotion], list[JointMotion]]:
 
 
 def uniform_runs(log: ArmLog) -> Iterator[JointMotion]:
-    """Yield the runs of a recording without gaps, but for short ones."""
+    """Yield the gapless runs of a recording longer than `SHORTEST_STRETCH`, on a uniform clock."""
     gaps: list[int] = (np.flatnonzero(np.diff(log.t) > LOG_GAP) + 1).tolist()
     for first, last in pairwise([0, *gaps, len(log)]):
         if log.t[last - 1] - log.t[first] > SHORTEST_STRETCH:
@@ -126,7 +128,7 @@ def uniform_runs(log: ArmLog) -> Iterator[JointMotion]:
 def cut(
     motion: JointMotion, first: int, last: int, shortest: float = SHORTEST_STRETCH
 ) -> Iterator[JointMotion]:
-    """Yield equal stretches of rows, none longer than `STRETCH`; none of less than `shortest` s."""
+    """Yield equal stretches of rows, each at most `STRETCH` s long; none if all rows span less than `shortest` s."""
     if last - first < 2:
         return
     seconds = float(motion.t[last - 1] - motion.t[first])
@@ -138,7 +140,7 @@ def cut(
 
 
 def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
-    """Bring rows of a recording to a uniform clock."""
+    """Resample rows of a recording on a uniform clock and low-pass them."""
     t = log.t[first:last]
     step = float(np.median(np.diff(t)))
     times = np.arange(t[0], t[-1], step)
@@ -148,6 +150,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
         columns: list[Array] = [np.interp(times, t, column) for column in signal[first:last].T]
         return np.stack(columns, axis=1)
 
+    # Low-pass every signal alike and decimate; friction states follow the smoothed angles.
     q = even(log.q)
     smooth, clock = _low_pass(q, step)[::every], times[::every]
     dq = _low_pass(even(log.dq), step)[::every]
@@ -163,13 +166,13 @@ def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
         dahl=friction,
         strained=strained,
     )
-    # A filter does not know what came before and after.
+    # Drop the edges: the filter lacks the samples before and after them.
     edge = int(np.ceil(EDGE / (clock[1] - clock[0])))
     return found.between(edge, len(clock) - edge)
 
 
 def _low_pass(signal: Array, step: float) -> Array:
-    """Low-pass (n, 7) at `step` s forwards and backwards, so that nothing is late."""
+    """Low-pass a signal (n, 7) with steps of `step` s forwards and backwards, for zero phase."""
     from scipy.signal import butter, sosfiltfilt
 
     if MOTION_BAND * step >= 0.45:
@@ -179,52 +182,52 @@ def _low_pass(signal: Array, step: float) -> Array:
 
 
 def _slope(t: Array, signal: Array) -> Array:
-    """Time derivative (n, 7), by cubic splines."""
+    """Time derivative of a signal (n, 7), by cubic splines."""
     from scipy.interpolate import CubicSpline
 
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
 
 
-# Signals of an arm by frequency, up to `BAND`, and the noise that a fit leaves there.
+# Signals of an arm in the frequency domain up to `BAND`, and the noise of a fit there
 
 
 BAND = 5.0
-"""Hz up to which torque is explained: between 8 and 30 Hz the torque of a real FR3 does not follow M ddq.
-Sensitive: not from 2.5 to 7 Hz; at 10 Hz, near the resonance of a soft loop, the hand's std is ×9."""
+"""Hz up to which torque is fitted: between 8 and 30 Hz the torque of a real FR3 does not follow M ddq. Sensitive: not
+from 2.5 to 7 Hz; at 10 Hz, near the resonance of a soft loop, the hand's std is ×9."""
 CORNERS = (0.1, 0.3, 1.0, 3.0)
-"""Hz below which what no cause explains is stronger ... Sensitive: hand 0.2 σ, std ×0.8–1.0; others at most 1.1 σ,
-std ×0.8–1.2."""
+"""Hz. Corner frequencies below which the residual is stronger. Sensitive: hand 0.2 σ, std ×0.8–1.0; others at most
+1.1 σ, std ×0.8–1.2."""
 WHITE_SHARES = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 10.0)
-"""... and its white part, of that: one pair a joint, by its likelihood. Sensitive: hand 0.2 σ, std ×1.0–1.1;
-others at most 1.4 σ, std ×0.8–1.3."""
+"""White part of the residual relative to its low-frequency part. Each joint weights all pairs of corner and share by
+likelihood. Sensitive: hand 0.2 σ, std ×1.0–1.1; others at most 1.4 σ, std ×0.8–1.3."""
 SMALLEST_RESIDUAL = 1e-3
-"""N m of a frequency's coefficient: finer than any sensor. Sensitive: no."""
+"""N m of a frequency coefficient. Smallest residual, finer than any sensor. Sensitive: no."""
 
 
 def transform_signal(signal: Array, step: float) -> Array:
-    """(k, 7, …) coefficients of a signal (n, 7, …) at `step` s, up to the band's end."""
+    """Cosine coefficients (k, 7, …) up to `BAND` of a signal (n, 7, …) with steps of `step` s."""
     from scipy.fft import dct
 
     return dct(signal, axis=0, norm="ortho")[: count_coefficients(len(signal), step)]
 
 
 def count_coefficients(rows: int, step: float) -> int:
-    """Number of coefficients up to the band's end, of so many rows at `step` s."""
+    """Number of coefficients up to `BAND` for `rows` rows with steps of `step` s."""
     return min(rows, int(2.0 * BAND * step * rows))
 
 
 def frequencies(count: int, rows: int, step: float) -> Array:
-    """(count,) Hz of the coefficients of a stretch of `rows`; the first is given half a step."""
+    """Frequencies (count,), Hz, of the coefficients of a stretch of `rows`; the first is half a step, not zero."""
     return (np.arange(count, dtype=float) + 0.5) / (2.0 * rows * step)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralNoise:
-    """Independent noise of each row.
+    """Independent noise of n rows.
 
     Attributes:
         std: (n,) N m.
-        freedom: degrees of freedom of it.
+        freedom: degrees of freedom of the noise estimate.
     """
 
     std: Array
@@ -232,18 +235,19 @@ class SpectralNoise:
 
     @property
     def volume(self) -> float:
-        """Half the log determinant of its covariance."""
+        """Half of the log determinant of the covariance."""
         return float(np.log(self.std).sum())
 
     def white(self, rows: Array) -> Array:
-        """Bring rows (n, p), or (n,), to unit variance."""
+        """Whiten rows (n, p), or (n,), to unit variance."""
         return (rows.T / self.std).T
 
 
 @dataclass(frozen=True, eq=False)
 class ResidualSpectrum:
-    """Shapes of the spectrum of what no cause explains: white, and more of it at low frequencies, as drift,
-    friction of another law and ripple are.
+    """Candidate spectra of the residual: white noise plus low-frequency noise.
+
+    Drift, unmodelled friction and gear ripple have more power at low frequencies.
 
     Attributes:
         frequency: (k,) Hz.
@@ -253,18 +257,21 @@ class ResidualSpectrum:
 
     @cached_property
     def shapes(self) -> Array:
-        """(s, k) power by frequency."""
+        """(s, k) power over frequency of each candidate."""
         falling = [1.0 / (1.0 + (self.frequency / corner) ** 2) for corner in CORNERS]
         shares = np.array(WHITE_SHARES)[:, None]
         return np.concatenate([shares + shape for shape in falling])
 
     def std(self, left: Array, known: Array) -> Array:
-        """(k,) standard deviations averaged over the shapes, by the residual (k,) N m; of each coefficient a part
-        `known` (k,) is not in it, as the fit followed it (restricted likelihood)."""
+        """Standard deviations (k,) from the residual `left` (k,), N m, averaged over the candidate spectra.
+
+        The fit absorbs a fraction `known` (k,) of each coefficient (restricted likelihood).
+        """
+        # Scale and log likelihood of each candidate, with the degrees of freedom that the fit left.
         freedom = np.maximum(1.0 - known, 0.02)
         scale = (left**2 / self.shapes).sum(axis=1) / freedom.sum()
         cost = np.log(scale) * freedom.sum() + np.log(self.shapes) @ freedom
-        # Each by how likely it is: which corner holds at low frequencies only few coefficients tell.
+        # Weight by likelihood: only few coefficients determine the corner at low frequencies.
         likely = np.exp(-0.5 * (cost - cost.min()))
         power = (likely * scale) @ self.shapes / likely.sum()
         return np.sqrt(power) + SMALLEST_RESIDUAL

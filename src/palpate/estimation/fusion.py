@@ -1,14 +1,13 @@
 """Fusion of several estimates of one quantity; shared errors are not averaged down.
 
-Of estimates x_i, with standard deviations o_i of their own and effects s_ik of causes k that they share,
-the covariance is
+For estimates x_i with own standard deviations o_i and effects s_ik of shared causes k, the covariance is
 
     C_ij = o_i² [i = j] + sum over causes k that i and j share of s_ik s_jk
 
-and the mean with weights w = C^-1 1 / (1^T C^-1 1) has the least variance w^T C w (generalised least squares,
-Aitken 1936). Weights are constrained to be non-negative: negative ones would be right only with exactly known
-effects. The agreement of the estimates is tested by their scatter about the mean (chi-squared with C).
-Degrees of freedom follow Welch and Satterthwaite (GUM, JCGM 100:2008, G.4.1), with the shared causes known.
+The mean with weights w = C^-1 1 / (1^T C^-1 1) has the least variance w^T C w (generalised least squares,
+Aitken 1936). Weights are constrained to be non-negative: negative ones are right only for exactly known effects.
+A chi-squared test with C compares the scatter of the estimates about the mean. Degrees of freedom follow Welch
+and Satterthwaite (GUM, JCGM 100:2008, G.4.1), with the shared causes known.
 """
 
 from __future__ import annotations
@@ -31,22 +30,24 @@ from palpate.estimation.estimate import (
 )
 
 TINY = 1e-12
-"""Relative to a variance: keeps a covariance regular where all errors are shared."""
+"""Relative to a variance. It keeps a covariance regular where all errors are shared."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Source:
-    """An estimate with the names of its run and its arm. Arms of one name share the errors `of` the arm; all
-    unknown arms have one name."""
+    """Estimate with the names of its run and its arm.
+
+    Arms of one name share the errors `of` the arm. All unknown arms have one name.
+    """
 
     run: str
     arm: str
     estimate: Estimate
 
     def causes(self) -> list[tuple[tuple[str, str], Array]]:
-        """Shared errors by owner and cause, (n,) each."""
+        """Shared errors, (n,) each, by owner and cause."""
         if not self.estimate.shared:
-            # Without named causes the whole error is shared.
+            # Without named causes, all of the error counts as shared.
             return [(("scene", "all that is not known"), self.estimate.stds)]
         found: list[tuple[tuple[str, str], Array]] = []
         for shared in self.estimate.shared:
@@ -67,12 +68,14 @@ def fuse(sources: Sequence[Source]) -> Estimate:
     first = sources[0].estimate
     if len(sources) == 1:
         return first
+    # Weights of least variance, component by component.
     values = np.array([source.estimate.values for source in sources])
     count = values.shape[1]
     covariances = [component_covariance(sources, i) for i in range(count)]
     weights = np.column_stack([least_variance_weights(covariance) for covariance in covariances])
     value = (weights * values).sum(axis=0)
     std = np.sqrt([w @ c @ w for w, c in zip(weights.T, covariances, strict=True)])
+    # Interval of Student's t with the effective degrees of freedom.
     freedom = _freedom(sources, weights, std)
     half = std * half95(freedom)
     return Estimate(
@@ -90,12 +93,12 @@ def fuse(sources: Sequence[Source]) -> Estimate:
 
 
 def difference(one: Source, other: Source) -> tuple[Array, Array]:
-    """(n,) difference of `other` from `one`, and its standard deviation, in which shared errors cancel."""
+    """Difference (n,) of `other` from `one`, and its standard deviation, in which shared errors cancel."""
     return weighted_sum([one, other], (-1.0, 1.0))
 
 
 def weighted_sum(sources: Sequence[Source], weights: Sequence[float]) -> tuple[Array, Array]:
-    """(n,) sum of w_i x_i, and its standard deviation sqrt(w^T C w). Unnamed errors are not shared."""
+    """Weighted sum (n,) of w_i x_i, and its standard deviation sqrt(w^T C w). Unnamed errors are not shared."""
     apart, w = [_make_errors_own(source) for source in sources], np.array(weights)
     count = len(sources[0].estimate.values)
     variances = [w @ component_covariance(apart, i) @ w for i in range(count)]
@@ -103,9 +106,10 @@ def weighted_sum(sources: Sequence[Source], weights: Sequence[float]) -> tuple[A
 
 
 def component_covariance(sources: Sequence[Source], component: int) -> Array:
-    """(n, n) covariance of one component in all sources."""
+    """Covariance (n, n) of one component over all sources."""
     own = np.array([source.own[component] for source in sources])
     found: Array = np.diag(own**2)
+    # Each shared cause adds the outer product of its effects on the sources.
     columns: dict[tuple[str, str], Array] = {}
     for i, source in enumerate(sources):
         for cause, effect in source.causes():
@@ -116,7 +120,8 @@ def component_covariance(sources: Sequence[Source], component: int) -> Array:
 
 
 def least_variance_weights(covariance: Array) -> Array:
-    """(n,) non-negative weights of least variance, with sum 1."""
+    """Non-negative weights (n,) of least variance, with sum 1."""
+    # Active set: drop the source with the most negative weight until none is left.
     used = np.arange(len(covariance))
     while True:
         unscaled = np.linalg.solve(covariance[np.ix_(used, used)], np.ones(len(used)))
@@ -129,7 +134,7 @@ def least_variance_weights(covariance: Array) -> Array:
 
 
 def _freedom(sources: Sequence[Source], weights: Array, std: Array) -> float:
-    """Degrees of freedom of the worst component."""
+    """Effective degrees of freedom of the worst component (Welch and Satterthwaite)."""
     unsure = np.zeros(len(std))
     for source, weight in zip(sources, weights, strict=True):
         noise = source.own if source.estimate.shared else source.estimate.stds
@@ -139,11 +144,12 @@ def _freedom(sources: Sequence[Source], weights: Array, std: Array) -> float:
 
 
 def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
-    """Test for a scatter of the runs within their stated uncertainty."""
+    """Test that the scatter of the runs agrees with their stated uncertainty."""
     apart = [_make_errors_own(source) for source in sources]
     values = np.array([source.estimate.values for source in sources])
     statistic = 0.0
     off = np.zeros_like(values)
+    # Chi-squared about the generalised mean, and the largest deviation of each run.
     for i in range(len(mean)):
         covariance = component_covariance(apart, i)
         scales = np.linalg.solve(covariance, np.ones(len(values)))
@@ -167,7 +173,7 @@ def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
 
 
 def _make_errors_own(source: Source) -> Source:
-    """Source whose unnamed errors count as its own, so that two of them may differ by as much."""
+    """Copy of a source whose unnamed errors count as its own, so that two sources may differ by as much."""
     if source.estimate.shared:
         return source
     nothing = Shared("nothing", "arm", (0.0,) * len(source.estimate.stds))
@@ -175,7 +181,7 @@ def _make_errors_own(source: Source) -> Source:
 
 
 def _merge_shared_errors(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
-    """Error causes that the fused estimate shares with further runs."""
+    """Error causes that the fused estimate shares with further runs, with weighted effects."""
     arms = {source.arm for source in sources}
     found: dict[tuple[str, str], Array] = {}
     for source, weight in zip(sources, weights, strict=True):
