@@ -240,6 +240,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     found = _fit_load(trace)
     if found is None:
         return _nothing(parameter, "kg", trace)
+    # The cause whose mass is requested: the hand itself or the load.
     name = HAND if parameter.object == HAND else LOAD
     mean, covariance = found.posterior[name]
     mass, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
@@ -270,6 +271,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     found = _fit_load(trace)
     if found is None or not _is_felt(trace, found):
         return _nothing(parameter, "m", trace)
+    # Centre of mass in the object's frame.
     to_body = _in_hand(trace).inverse()
 
     def centre(value: Array) -> Array:
@@ -421,6 +423,7 @@ def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
 
 def _sound(trace: Trace, found: CarriedLoad, name: str) -> tuple[FitTest, ...]:
     """Test that the described arm explains the recording, and then that the arm can carry the mass."""
+    # The mass is tested only if the described arm explains the recording.
     if not found.explained.passed:
         return (found.explained,)
     mean, covariance = found.posterior[name]
@@ -509,6 +512,7 @@ def _mass_view(trace: Trace, found: CarriedLoad) -> FitView:
     parts = np.column_stack([found.part(start, end) for start, end in edges])
     mean, variance = found.posterior.each_alone(parts, 1.0)
     x, mass = np.array(edges).mean(axis=1), float(found.value[0])
+    # One point for each part, with its own mass.
     return FitView(
         name="Mass by part of the recording.",
         note="Each part of the windows, fitted with a mass of its own, ± 1 std with all error causes.",

@@ -36,8 +36,8 @@ SMOOTH = 0.02
 """s: averaging time of forces before the search for the breakaway. Sensitive: friction 2.1 σ, std
 ×0.9–1.8; `static` 1.0 σ."""
 PRESLIDING = 2e-3
-"""rad over which the friction in a joint reverses; the usual order for harmonic drives. Hardly
-sensitive: `static`, std ×0.9–1.1."""
+"""rad over which the friction in a joint reverses; the usual order for harmonic drives. Sensitive:
+`static` hardly, its std ×0.9–1.1."""
 SLIP_ANGLES = (4e-4, 2e-3, 1e-2)
 """rad: presliding of the elements whose sum is a joint's friction in a load fit. Real arms show 1
 to 4 mrad. Not sensitive."""
@@ -84,8 +84,8 @@ def dahl_states(q: Array, presliding: Sequence[float] = (PRESLIDING,)) -> Array:
     """Compute the (n, m, 2 p) Dahl states at joint angles `q` (n, m), rad, for each presliding
     distance, rad.
 
-    The states are the direction of the last motion, -1 to 1, with values in between while the joint
-    reverses, and the remaining share of the friction at the start, 1 to 0.
+    The first state is the direction of the last motion, -1 to 1; it changes gradually while the
+    joint reverses. The second is the remaining share of the friction at the start, 1 to 0.
     """
     # Mean angles of blocks; the last block holds the remaining rows.
     starts = np.arange(0, len(q), RUBBING_ROWS)
@@ -179,6 +179,7 @@ def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) ->
         rates: Array = np.asarray(np.gradient(values, samples.t, axis=0))
         return np.column_stack([smooth_rows(one, rows) for one in rates.T])
 
+    # Joint speeds and accelerations by smoothed differences.
     speed = rate(samples.q, SMOOTH)
     faster = rate(speed, 2 * SMOOTH)
     # The hand is empty and high, the arm has begun to move, and moves without jerks.
@@ -203,6 +204,7 @@ def joint_friction(
     """
     free, known = _free_motion(samples, states, empty, height)
     if free.sum() < FREE_MOTION:
+        # Too little free motion: the prior.
         none = np.zeros(samples.q.shape[1])
         return none, none + JOINT_LEVEL
     torques = samples.tau_ext[free]

@@ -267,7 +267,7 @@ def _settled_or_away(samples: Samples) -> Mask:
 def rows_in_free_air(trace: Trace) -> Mask:
     """Return the rows in free air.
 
-    The hand is away from the place where a leaf began or ended in contact, and no leaf that begins
+    The hand is away from every place where a leaf began or ended in contact. No leaf that begins
     and ends in contact runs.
     """
     t, position = trace.samples.t, trace.samples.pose_world_tcp[:, :3]

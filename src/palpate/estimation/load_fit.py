@@ -84,8 +84,8 @@ def vertical_tests(
 ) -> list[FitTest]:
     """Test for further vertical forces, each added to the model alone.
 
-    They are a force in proportion to the height, one that changes sign with the direction, one at
-    rest only, and a step in time.
+    There are four kinds: in proportion to the height, opposite up and down, at rest only, and a
+    step in time.
 
     Args:
         rub: N (1 sigma), tolerated.
@@ -215,7 +215,7 @@ class LoadEstimate:
         covariance: (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share.
         tests: for other forces on the load.
         gains: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's gain.
-            Gains that were calibrated together are given as as many independent causes.
+            Jointly calibrated gains are split into independent causes.
         crosstalk: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's
             cross-talk.
         weighings: the segments that were fitted.

@@ -1,13 +1,18 @@
 """Load estimate from all free motion around a weighing, not only from passes along one path.
 
 Away from the path of a lift there is no empty pass at the same place for a contrast. The joint
-torques there have few causes, each linear in its unknowns. They are weight and lever of the load,
-errors in the masses and centres of the arm's links, zeros and gains of the sensors, friction
-(Dahl's, and viscous), residual stiction of rests, and the tilt of gravity.
+torques there have few causes, each linear in its unknowns:
+
+    weight and lever of the load
+    errors in the masses and centres of the arm's links
+    zeros and gains of the sensors
+    joint friction (Dahl's, and viscous), and residual stiction of rests
+    tilt of gravity
 
 All are fitted together by generalised least squares. The result is more precise than a contrast
-along the path. The residual of the model beyond the noise, such as ripple or friction that changes
-with the place, is learned from the recording and widens it (`coloured_residual`).
+along the path. The model leaves a residual beyond the noise, such as ripple or friction that
+changes with the place. It is learned from the recording and widens the result
+(`coloured_residual`).
 """
 
 from __future__ import annotations
@@ -99,10 +104,12 @@ class WholeLoad:
 def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) -> WholeLoad | None:
     """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N.
 
-    Two sets of rows are tried: all free motion, and only motion that certainly is free. The latter
-    is so high that the far end of a tilted object has left its support, close to where the load
-    hung, and settled at rests or well away from them. The residual of the model widens each result,
-    and the narrower counts. None where the arm's links are unknown, or the load never hung free.
+    Two sets of rows are tried: all free motion, and only motion that certainly is free. Certainly
+    free motion is high enough that the far end of a tilted object has left its support. It is close
+    to where the load hung, and settled at rests or well away from them. The residual of the model
+    widens each result, and the narrower counts.
+
+    None where the arm's links are unknown, or the load never hung free.
     """
     observed = observe(trace)
     if observed.chain is None or not observed.knows_links:

@@ -16,10 +16,18 @@ MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 
 
 def pseudo_inertia(theta: Array) -> Array:
-    """Compute the (4, 4) pseudo-inertia L Lᵀ of log-Cholesky parameters `theta` (10,).
+    """Compute the (4, 4) pseudo-inertia J = U Uᵀ of log-Cholesky parameters `theta` (10,), (a, d,
+    s, t).
 
-    Source: C. Rucker and P. Wensing, Smooth parameterization of rigid-body inertia, IEEE RA-L 7,
-    2022.
+        U = exp(a) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0,
+        1]]
+
+    a is half the logarithm of the mass, and t the centre of mass, m. d is the logarithm of the root
+    mean square distance of the mass from it along an axis. Every ten numbers give a physically
+    consistent body.
+
+    Source: C. Rucker and P. Wensing, Smooth Parameterization of Rigid-Body Inertia, IEEE RA-L 7,
+    2022, doi:10.1109/LRA.2022.3144517.
     """
     root = np.eye(4)
     root[:3, :3] = np.diag(np.exp(theta[RADIUS]))

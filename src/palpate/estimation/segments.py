@@ -417,6 +417,7 @@ class _Signals:
         def means(signal: Array) -> Array:
             return np.array([signal[rows].mean(axis=0) for rows in bins])
 
+        # The grasp is the last one before the cut; white noise averages out over the rows of a bin.
         return Segment(
             cut.kind,
             cut.loaded,
@@ -484,9 +485,10 @@ def arrival(samples: Samples, row: int, path: LiftPath | None) -> str:
 def _passes(samples: Samples, load: LoadRows, path: LiftPath) -> list[SegmentCut]:
     """Find the motions along the path that cover enough of it, up and down.
 
-    Only rows of constant speed are used if they cover enough of the path both with and without the
-    load, else rows of any speed.
+    Rows of constant speed are preferred. Rows of any speed are used where those cover too little of
+    the path with or without the load.
     """
+    # Place on the line and speed along it.
     progress, inside = path.progress(samples), path.inside(samples)
     speed = np.gradient(progress, samples.t)
 

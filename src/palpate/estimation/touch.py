@@ -82,6 +82,7 @@ class Plane:
         slope = np.array([1.0, 0.0]) if self.slope is None else self.slope
         uphill = slope / max(float(np.linalg.norm(slope)), 1e-12)
         heading = float(np.degrees(np.arctan2(uphill[1], uphill[0])))
+        # Text of the direction in which the plane rises.
         rises = (
             "is level" if self.slope is None else f"rises most towards {heading:.0f}° from world x"
         )

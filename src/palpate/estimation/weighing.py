@@ -263,6 +263,7 @@ def _view(
     parts: str,
 ) -> FitView:
     """Chart extra forces `own` (mean and variance), N and N², of parts of a recording as masses."""
+    # Each extra force adds to the fitted one.
     mean, variance = own
     mass = force / gravity
     return FitView(
