@@ -207,8 +207,7 @@ def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
                 yield from cut(motion, int(part[0]), int(part[-1]) + 1, CARRIED_SHORTEST)
 
 
-# Mass, centre of mass and inertia of a carried load. The axes are those of the object where its
-# pose in the hand is known, else those of the tool at the TCP.
+# Mass, centre of mass and inertia of a carried load.
 
 
 CARRIED_HALF = 1.0

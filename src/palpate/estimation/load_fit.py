@@ -182,7 +182,7 @@ def weighings_test(
     return posterior.test(cause, np.full(count, small), finding)
 
 
-# Generalised least squares for the load on the hand: tuning constants, fit and model.
+# Fit of the load on the hand.
 
 
 KINDS_APART = (1.0, 1.0 / 8.0, 1.0 / 64.0)

@@ -292,8 +292,7 @@ def _stretches(seen: Blocks) -> Iterator[Mask]:
             yield part
 
 
-# Predicted precision of a load after planned passes. The covariance of the fit needs the planned
-# motion and the noise, but no measured values.
+# Predicted precision of a load after planned passes.
 
 
 HANDLING = 1.0
@@ -309,7 +308,9 @@ empty cancels a drift."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lift:
-    """Planned straight lift.
+    """Planned straight lift, and the precision of a load that its passes give.
+
+    The covariance of the fit needs the planned motion and the noise, but no measured values.
 
     Attributes:
         q: (2, m) rad, joint angles at the grasp and above it.
