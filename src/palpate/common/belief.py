@@ -1,11 +1,12 @@
-"""Belief in the pose of a thing: seen with a covariance P, and corrected by touches, one Kalman update each.
+"""Belief in the pose of an object: seen with a covariance P, and corrected by touches, one Kalman update
+each.
 
-The state x = (p, θ) is the error of the believed pose: position, m, and small rotation, rad, along the world's
-axes. A touch of the thing at a point c along a direction n measures how much farther along n than believed it was
-met, y = H x + e with H = (n, (c - o) x n), o the thing's origin, and e ~ N(0, R).
+The state x = (p, θ) is the error of the believed pose: position, m, and small rotation, rad, along the
+world's axes. A touch of the object at a point c along a direction n measures how much farther along n the
+contact was than believed: y = H x + e with H = (n, (c - o) × n), the object's origin o, and e ~ N(0, R).
 
-Fingers that close on a free thing push it to their middle, by an amount that nothing measures: its pose is
-diffuse along n, up to the width of the opened fingers, before it is measured there.
+Fingers that close on a free object push it to their middle, by an unmeasured amount. Before the object is
+measured there, its pose is diffuse along n, up to the width of the opened fingers.
 """
 
 from __future__ import annotations
@@ -18,28 +19,32 @@ import numpy as np
 from palpate.common.pose import Array, Pose
 
 Means = Literal["probe", "fingers"]
-"""Means of a touch: a guarded motion meets a thing, or the fingers close on it."""
+"""Means of a touch: a guarded motion meets an object, or the fingers close on it."""
 SURE = 3.0
-"""Standard deviations of a believed pose: a touch farther off contradicts it, and motions and fingers leave as much
-room."""
+"""Standard deviations of a believed pose. A larger deviation of a touch contradicts the pose; motions and
+fingers leave this margin.
+"""
 ERROR = 1e-3
-"""m (1 sigma), of a touch as a run has it before anything is fitted: the arm's place, the length of its tips, and
-what gives way under the press."""
+"""m (1 sigma): error of a touch as a run measures it before any fit. It covers the arm's position, the length
+of its tips, and the deformation under the press.
+"""
 SLIPS = 3e-3
-"""m (1 sigma) level, by which a thing that is dragged along its support lags in the pads: up to 5 mm, simulated."""
+"""m (1 sigma), horizontal: lag in the pads of an object that is dragged along its support. It was up to 5 mm
+in simulation.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefTouch:
-    """A touch of a thing.
+    """A touch of an object.
 
     Attributes:
-        means: how.
+        means: means of the touch.
         along: (3,) unit direction, world.
-        point: (3,) m, world, where.
-        apart: m along it from where the thing was believed to where it was met.
+        point: (3,) m, world, contact point.
+        apart: m along `along` from the believed to the measured contact.
         std: m, of the touch alone.
-        believed_std: m, of the belief before, along it.
+        believed_std: m, of the previous belief, along `along`.
     """
 
     means: Means
@@ -56,12 +61,12 @@ class BeliefTouch:
 
     @property
     def contradicts(self) -> bool:
-        """True if it contradicts what was believed."""
+        """True if the touch contradicts the belief."""
         return abs(self.z) > SURE
 
     @property
     def said(self) -> str:
-        """Its measurement in words."""
+        """The measurement in words."""
         axes = zip("xyz", self.along, strict=True)
         axis, part = max(axes, key=lambda one: abs(one[1]))
         sign = "-" if part < 0.0 else "+"
@@ -71,12 +76,12 @@ class BeliefTouch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Belief in the pose of a thing.
+    """Belief in the pose of an object.
 
     Attributes:
         seen, seen_covariance: pose of its frame in the world before any touch, with its covariance (6, 6).
-        placed: where it stood, by sight and touch, before anything pushed or carried it.
-        pose, covariance: where it is now, along the world's axes.
+        placed: pose, by sight and touch, before any motion pushed or carried the object.
+        pose, covariance: present pose, along the world's axes.
         touches: in order.
     """
 
@@ -89,12 +94,12 @@ class Belief:
 
     @classmethod
     def of(cls, pose: Pose, covariance: Array) -> Belief:
-        """Belief before any touch."""
+        """Make the belief before any touch."""
         return cls(pose, covariance, pose, pose, covariance)
 
     @property
     def is_moved(self) -> bool:
-        """True if touch found that it stood elsewhere than it was seen."""
+        """True if touches showed that the object's pose differed from the seen one."""
         return self.placed.digits != self.seen.digits
 
     @property
@@ -108,55 +113,59 @@ class Belief:
         )
 
     def at(self, pose: Pose) -> Belief:
-        """The same of the thing carried to `pose`: its errors turn with it."""
+        """Return the belief after the object was carried to `pose`: its errors turn with it."""
         turn = np.kron(np.eye(2), pose.rotation @ self.pose.rotation.T)
         return replace(self, pose=pose, covariance=turn @ self.covariance @ turn.T)
 
     def after_drag(self) -> Belief:
-        """The same once the thing was dragged between the fingers."""
+        """Return the belief after the object was dragged between the fingers."""
         slips = np.diag([SLIPS**2, SLIPS**2, 0.0, 0.0, 0.0, 0.0])
         return replace(self, covariance=self.covariance + slips)
 
     def std(self, along: Array, point: Array | None = None) -> float:
-        """Standard deviation, m, along a direction (3,) at a point (3,) of the thing, world; by default at its
-        origin."""
+        """Compute the standard deviation, m, along a direction (3,) at a point (3,) of the object, world; by
+        default at its origin.
+        """
         row = self._row(along, self.pose.position if point is None else point)
         return float(np.sqrt(row @ self.covariance @ row))
 
     def touched(
         self, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
     ) -> Belief:
-        """The belief after a touch at `point` (3,), m, `apart` m farther along `along` (3,) than believed, of a thing
-        that was `pushed` there by up to that many m to either side.
+        """Update the belief by a touch at `point` (3,), m, that was `apart` m farther along `along` (3,) than
+        believed.
 
-        What a touch contradicts was less sure than stated: its covariance grows to where the touch is `SURE`
-        standard deviations off.
+        The fingers may have `pushed` the object there by up to that many m to either side. A contradicted
+        belief was less certain than stated: its covariance grows until the touch is `SURE` standard
+        deviations off.
         """
         row, noise = self._row(along, point), ERROR
         prior = self.covariance.copy()
-        # Uniform to either side.
+        # Variance of a uniform push to either side: pushed² / 3.
         prior[:3, :3] += pushed**2 / 3.0 * np.outer(along, along)
         spread = float(row @ prior @ row)
         x, y, z = along.tolist()
         made = BeliefTouch(
             means, (x, y, z), tuple(point.tolist()), apart, noise, float(np.sqrt(spread))
         )
+        # Inflate a contradicted prior.
         if made.contradicts:
             prior *= max(((apart / SURE) ** 2 - noise**2) / max(spread, 1e-12), 1.0)
             spread = float(row @ prior @ row)
+        # Kalman gain K = P Hᵀ / (H P Hᵀ + R), and the correction of the pose.
         gain = prior @ row / (spread + noise**2)
         step = gain * apart
-        # Joseph's form, which stays a covariance.
+        # Joseph form of the covariance, which stays positive semidefinite.
         rest = np.eye(6) - np.outer(gain, row)
         covariance = rest @ prior @ rest.T + noise**2 * np.outer(gain, gain)
         turned = Pose.turn(step[3:]) @ Pose.of((0.0, 0.0, 0.0), self.pose.quaternion)
         pose = Pose(self.pose.position + step[:3], turned.quaternion)
-        # What stood freely was found where it stands; what the fingers have closed on was pushed.
+        # A free object was found in its original place; an object that the fingers closed on was pushed.
         placed = self.placed if pushed else self.placed @ self.pose.inverse() @ pose
         return replace(
             self, placed=placed, pose=pose, covariance=covariance, touches=(*self.touches, made)
         )
 
     def _row(self, along: Array, point: Array) -> Array:
-        """(6,) H of a touch."""
+        """Return the row H (6,) of a touch."""
         return np.concatenate([along, np.cross(point - self.pose.position, along)])

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 _UNSEEN = re.compile(
     "["
-    "\x00-\x08\x0b-\x1f\x7f"  # C0 but for tab and line feed, and delete
+    "\x00-\x08\x0b-\x1f\x7f"  # C0 except tab and line feed, and delete
     "\x80-\x9f"  # C1: one character of these begins a command on some terminals
     "\u061c\u200e\u200f\u2028\u2029\u202a-\u202e\u2066-\u2069"  # order of writing, lines
     "\ufeff\ufff9-\ufffb\U000e0000-\U000e007f"  # byte order, annotations, tags
@@ -26,8 +26,10 @@ _UNSEEN = re.compile(
 
 
 def visible(text: str) -> str:
-    """Escape every control character of `text` (`\\x1b`), so that it cannot move the cursor, set colours
-    or reverse the writing order of a terminal. Tabs and line feeds stay."""
+    r"""Escape every control character of `text` (`\x1b`), so that it cannot control a terminal.
+
+    It could otherwise move the cursor, set colours or reverse the writing order. Tabs and line feeds stay.
+    """
     return _UNSEEN.sub(_escape, text)
 
 
@@ -56,7 +58,7 @@ def _json_escape(found: re.Match[str]) -> str:
 
 
 def data_frame(columns: Mapping[str, Any]) -> DataFrame:
-    """Make a pandas data frame of columns of one length.
+    """Make a pandas data frame from columns of equal length.
 
     Raises:
         Unavailable: pandas is not installed.

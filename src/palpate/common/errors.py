@@ -1,14 +1,14 @@
-"""Everything that palpate raises on purpose.
+"""All exceptions that palpate raises deliberately.
 
     PalpateError
     ├── InputError          the caller's files, names or arguments are not usable
     ├── PlanRejected        no plan exists for the request, or none passed the check
     ├── ExecutionAborted    the robot stopped, or was not allowed to move
     └── Unavailable         a planner's provider, or a robot, is out of reach
-        └── Stopped         a robot was stopped, and a person has to let it go on
+        └── Stopped         a robot was stopped, and a person has to release it
 
-A message names the thing, lists the valid choices where there are any, and says what to do. It names
-arguments as they are written in Python, `scene=D.xml`; the command line makes flags of them.
+A message names the cause, lists the valid choices where there are any, and states the remedy. It names
+arguments as in Python, `scene=D.xml`; the command line converts them to flags.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from difflib import get_close_matches
 
 
 class PalpateError(Exception):
-    """Base of the tree."""
+    """Base class of palpate's exceptions."""
 
 
 class InputError(PalpateError):
@@ -34,14 +34,16 @@ class Unavailable(PalpateError):
 
 
 class Stopped(Unavailable):
-    """A robot that something, or somebody, stopped: a person has to see to it, and let it go on."""
+    """A robot was stopped: a person has to remove the reason, and release it."""
 
 
 def unknown_name(
     kind: str, name: str, valid: Iterable[str], hint: str = "", meant: str | None = None
 ) -> InputError:
-    """An `InputError` that names what is unknown, the choice that was perhaps meant (`meant`, else one
-    that is spelt alike), and the valid ones."""
+    """Make an `InputError` for an unknown name, with the probable choice and the valid ones.
+
+    The probable choice is `meant`, else a name with similar spelling.
+    """
     names = sorted(valid)
     choices = ", ".join(names) or "none"
     tail = f" {hint}" if hint else ""
@@ -51,8 +53,9 @@ def unknown_name(
 
 
 def perhaps(name: str, names: Iterable[str]) -> str:
-    """` did you mean 'bottle'?` where one of `names` is nearly `name`, or what stands behind its last
-    slash; else nothing."""
+    """Return ` did you mean 'bottle'?` if `name` is nearly one of `names`, or the part after its last slash;
+    else an empty string.
+    """
     by_letters: dict[str, str] = {}
     for known in names:
         by_letters.setdefault(known.lower().rpartition("/")[2], known)

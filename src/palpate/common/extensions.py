@@ -25,13 +25,13 @@ def extensions(group: str) -> Iterator[ModuleType]:
 
 
 def references(group: str) -> dict[str, str]:
-    """References of a lazy group, `package.module:function` by name of the entry point."""
+    """Return the references of a lazy group, `package.module:function` by name of the entry point."""
     entries = sorted(entry_points(group=group), key=lambda entry: entry.name)
     return {entry.name: entry.value for entry in entries}
 
 
 def public(module: ModuleType) -> list[object]:
-    """Public members of `module`: its `__all__`, else all without a leading underscore."""
+    """Return the public members of `module`: its `__all__`, else all without a leading underscore."""
     without_underscore = [name for name in vars(module) if not name.startswith("_")]
     names: list[str] = getattr(module, "__all__", without_underscore)
     return [getattr(module, name) for name in names]
@@ -48,12 +48,12 @@ def _load_entry(entry: EntryPoint) -> ModuleType:
         ) from error
 
 
-# Command-line form of a field of the settings, declared beside the field.
+# Command-line form of a field of the settings, declared at the field.
 
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """Annotation of a field that is an option of the command line, too.
+    """Annotation of a settings field that is also a command-line option.
 
     Attributes:
         help: one sentence; the command's help and the documentation show it.
@@ -87,7 +87,7 @@ class Declared(NamedTuple):
 
 
 def iter_options(model: Any, outer: str = "") -> Iterator[Declared]:
-    """The fields of a dataclass that are options, those of nested dataclasses included."""
+    """Iterate over the fields of a dataclass that are options, including those of nested dataclasses."""
     hints = get_type_hints(model, include_extras=True)
     for field in fields(model):
         hint, name = hints[field.name], f"{outer}{field.name}"

@@ -25,12 +25,13 @@ _KINDS = (
 )
 
 _FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")})
-"""Flags beside O_RDONLY; not every system has all of them."""
+"""Additional flags of O_RDONLY; not every system has all of them."""
 
 
 def require_regular(path: Path, limit: int, what: str) -> None:
-    """Check a file that a library will read by its path: at most `limit` bytes; `what` names its
-    purpose ("an MJCF scene").
+    """Check a file that a library will read by its path: a regular file of at most `limit` bytes.
+
+    `what` names its purpose ("an MJCF scene").
 
     Raises:
         InputError: it cannot be read, is no regular file, or is larger.
@@ -105,7 +106,7 @@ def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
     return InputError(f"cannot read {path}: {reason}")
 
 
-# Writing of new files: what is there already stays.
+# Writing of new files: existing files stay unchanged.
 
 
 def write_new(path: Path, content: str | bytes) -> None:
@@ -190,7 +191,7 @@ class _Plain(yaml.SafeDumper):
 
 
 class Section(BaseModel):
-    """Base of a file's schema: other keys than its own are errors."""
+    """Base of a file's schema: keys outside the schema are errors."""
 
     model_config = ConfigDict(
         frozen=True, extra="forbid", arbitrary_types_allowed=True, defer_build=True
@@ -217,7 +218,7 @@ def describe_error(error: ValidationError, form: type[BaseModel]) -> str:
         return f"'{key}' is missing"
     if first["type"] != "extra_forbidden":
         return f"'{key}': {first['msg'].removeprefix('Value error, ')}"
-    section = form  # the one that the path to the key leads to
+    section = form  # the section that the path to the key leads to
     for part in first["loc"][:-1]:
         inner = section.model_fields[str(part)].annotation if isinstance(part, str) else None
         if isinstance(inner, type) and issubclass(inner, BaseModel):

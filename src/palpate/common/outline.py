@@ -1,4 +1,4 @@
-"""Outlines of bodies seen from above, and the ways in which a body can stand."""
+"""Outlines of bodies seen from above, and resting poses of a body."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ from numpy.typing import NDArray
 from palpate.common.pose import Array, Pose
 
 _CORNERS = 72
-"""Directions in which outlines are sampled; round shapes are true to 0.1 %."""
+"""Number of directions in which outlines are sampled; round shapes are accurate to 0.1 %."""
 _STRAIGHT = 1e-12
-"""Share of the squared size: a corner that adds less to a hull's area lies on one of its sides."""
+"""Share of the squared size: a corner that adds less to a hull's area lies on a side of the hull."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -26,27 +26,28 @@ class Obstacle:
 
     @classmethod
     def of(cls, points: Array) -> Obstacle:
-        """Around (n, 3) points."""
+        """Make the obstacle around points (n, 3)."""
         return cls(rim(points[:, :2]), float(points[:, 2].max()))
 
 
 def above(obstacles: Iterable[Obstacle], height: float) -> list[Array]:
-    """Outlines of the obstacles that reach above a height."""
+    """Return the outlines of the obstacles that reach above a height."""
     return [obstacle.outline for obstacle in obstacles if obstacle.top > height]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Convex:
-    """A convex shape: (n, 3) points, and (m, 2) index pairs that include all edges of its hull."""
+    """A convex shape: points (n, 3), and index pairs (m, 2) that include all edges of its hull."""
 
     points: Array
     edges: NDArray[np.intp]
 
 
 def slab(shape: Convex, low: float, high: float) -> Array:
-    """(k, 2) x-y points whose hull is the part of the shape between two heights."""
+    """Compute x-y points (k, 2) whose hull is the part of the shape between two heights."""
     z = shape.points[:, 2]
-    # Its corners are those of the shape between the heights, and where an edge crosses either.
+    # Its corners are the shape's points between the heights, and the intersections of edges with both
+    # heights.
     parts = [shape.points[(z >= low) & (z <= high), :2]]
     start, end = shape.points[shape.edges[:, 0]], shape.points[shape.edges[:, 1]]
     for level in (low, high):
@@ -57,7 +58,7 @@ def slab(shape: Convex, low: float, high: float) -> Array:
 
 
 def rim(points: Array) -> Array:
-    """Subset of (n, 2) points that are extreme in one of 72 directions."""
+    """Select the points (n, 2) that are extreme in one of 72 directions."""
     if len(points) < 3:
         return points
     return points[np.unique(np.argmax(_fan(_CORNERS) @ points.T, axis=1))]
@@ -65,18 +66,18 @@ def rim(points: Array) -> Array:
 
 @cache
 def _fan(count: int) -> Array:
-    """(count, 2) unit vectors evenly around the circle."""
+    """Compute unit vectors (count, 2), evenly spaced around the circle."""
     angle = np.arange(count) * 2 * np.pi / count
     return np.column_stack([np.cos(angle), np.sin(angle)])
 
 
 def unit(angle: float) -> Array:
-    """(2,) unit vector at `angle` rad from x."""
+    """Return the unit vector (2,) at `angle` rad from x."""
     return np.array([np.cos(angle), np.sin(angle)])
 
 
 def width(points: Array, direction: Array) -> float:
-    """Extent of (n, 2) points along a unit vector."""
+    """Compute the extent of points (n, 2) along a unit vector."""
     along = points @ direction
     return float(along.max() - along.min())
 
@@ -84,13 +85,15 @@ def width(points: Array, direction: Array) -> float:
 def profile(
     outlines: Sequence[Array], along: Array, across: Array, stations: Array
 ) -> tuple[Array, Array]:
-    """Lowest and highest coordinate across at each station along, over convex outlines; nan at
-    stations that no outline reaches."""
+    """Compute the lowest and highest coordinate across at each station along, over convex outlines.
+
+    The result is nan at stations that no outline reaches.
+    """
     low, high = np.full(len(stations), np.inf), np.full(len(stations), -np.inf)
     for outline in outlines:
         s, w = outline @ along, outline @ across
-        # A line across enters and leaves the hull on chords between two of its points: the lowest
-        # and the highest chord over all pairs of points are its ends.
+        # A line across enters and leaves the hull on chords between two of its points. The lowest and the
+        # highest chord over all pairs of points are the hull's ends.
         first, second = np.triu_indices(len(s), 1)
         near, far = np.minimum(s[first], s[second]), np.maximum(s[first], s[second])
         slanted = far - near > 1e-12
@@ -104,7 +107,7 @@ def profile(
 
 
 def rectangle(centre: Array, along: Array, half_along: float, half_across: float) -> Array:
-    """(4, 2) corners."""
+    """Return the corners (4, 2)."""
     across = np.array([-along[1], along[0]])
     corners: list[Array] = []
     for i, j in ((-1, -1), (-1, 1), (1, -1), (1, 1)):
@@ -113,15 +116,14 @@ def rectangle(centre: Array, along: Array, half_along: float, half_across: float
 
 
 def clearance(shape: Array, spots: Array, obstacles: Sequence[Array]) -> Array:
-    """(n,) horizontal distance from `shape` (k, 2), moved by each of `spots` (n, 2), to the nearest
-    obstacle, m.
+    """Compute the horizontal distance (n,), m, from `shape` (k, 2), moved by each of `spots` (n, 2), to the
+    nearest obstacle.
 
-    Negative where they overlap (by the depth), inf without obstacles; a lower bound, too small by at
-    most a twentieth of the shapes' size.
+    It is negative where they overlap (by the depth), and inf without obstacles. It is a lower bound, too
+    small by at most a twentieth of the shapes' size.
     """
-    # Two convex outlines are apart if a line separates them. The gap in a direction is from the
-    # shape's nearest point to the obstacle's farthest one; the distance is the widest gap, here of
-    # 64 directions.
+    # Two convex outlines are disjoint if a line separates them. The gap in a direction is from the shape's
+    # nearest point to the obstacle's farthest one. The distance is the widest gap, here over 64 directions.
     best = np.full(len(spots), np.inf)
     directions = _fan(64)
     reach = (shape @ -directions.T).max(axis=0)
@@ -133,7 +135,7 @@ def clearance(shape: Array, spots: Array, obstacles: Sequence[Array]) -> Array:
 
 
 def hull(points: Array) -> Array:
-    """(m, 2) corners of the convex hull of (k, 2) points; the two ends where all lie on a line."""
+    """Compute the corners (m, 2) of the convex hull of points (k, 2); the two ends if all lie on a line."""
     if len(points) < 2:
         return points
     # Andrew's monotone chain: the lower half from left to right, the upper half from right to left.
@@ -145,7 +147,7 @@ def hull(points: Array) -> Array:
 
 
 def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
-    """Subset of points in order that makes left turns only."""
+    """Select the points, in order, that make left turns only."""
     kept: list[list[float]] = []
     for x, y in points:
         while len(kept) > 1:
@@ -158,17 +160,18 @@ def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
 
 
 def clip_polygon(polygon: Array, by: Array) -> Array:
-    """(m, 2) corners of the intersection of two polygons (Sutherland and Hodgman)."""
+    """Compute the corners (m, 2) of the intersection of two polygons (Sutherland and Hodgman)."""
     if len(by) < 3:
         return np.zeros((0, 2))
     corners: list[list[float]] = by.tolist()
     left: list[list[float]] = polygon.tolist()
     for (x0, y0), (x1, y1) in zip(corners, [*corners[1:], corners[0]], strict=True):
-        # Each side of `by` cuts off what lies to its right.
+        # Each side of `by` cuts off the part to its right.
         inside = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
         kept: list[list[float]] = []
         for i, ((x, y), there) in enumerate(zip(left, inside, strict=True)):
             (from_x, from_y), here = left[i - 1], inside[i - 1]
+            # Keep the corners inside, and add the intersections with the side.
             if here * there < 0:
                 share = here / (here - there)
                 kept.append([from_x + share * (x - from_x), from_y + share * (y - from_y)])
@@ -179,7 +182,7 @@ def clip_polygon(polygon: Array, by: Array) -> Array:
 
 
 def depth(polygon: Array, point: Array) -> float:
-    """Distance from a point inside to the polygon's nearest side, m; negative outside."""
+    """Compute the distance, m, from a point inside to the polygon's nearest side; negative outside."""
     if len(polygon) < 3:
         return -np.inf
     sides = np.roll(polygon, -1, axis=0) - polygon
@@ -187,7 +190,7 @@ def depth(polygon: Array, point: Array) -> float:
 
 
 def _cross(a: Array, b: Array) -> Array:
-    """(k,) third component of the cross products of (k, 2) vectors."""
+    """Compute the third component (k,) of the cross products of vectors (k, 2)."""
     return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
 
 
@@ -195,21 +198,21 @@ def _cross(a: Array, b: Array) -> Array:
 
 
 TOUCHING = 1e-4
-"""m above the plane, up to which a point touches it."""
+"""m above the plane, up to which a point counts as touching."""
 STEADY = 5e-4
-"""m that a centre of mass may be outside its support polygon: round bodies are polygons here."""
+"""m by which a centre of mass may be outside its support polygon: round bodies are polygons here."""
 MOST = np.radians(5.0)
-"""rad: a body that would turn by more does not rest on that plane alone, or is to be held."""
+"""rad: a body that would turn by more does not rest on that plane alone, or will be held."""
 TIPS = 8
-"""Largest number of edges over which a body tips in turn."""
+"""Largest number of edges over which a body tips in sequence."""
 
 
 def tip_to_rest(points: Array, centre: Array) -> Pose:
-    """Motion in the world that brings a body to rest on the level plane through its lowest point.
+    """Compute the motion in the world that brings a body to rest on the level plane through its lowest point.
 
-    `points` (k, 3) are the corners of its convex hull, `centre` (3,) its centre of mass. As long as
-    that is outside the support polygon, the body tips over the nearest edge until more of it touches.
-    No motion for a body that is stable, or that would turn by more than `MOST`.
+    `points` (k, 3) are the corners of its convex hull, `centre` (3,) is its centre of mass. While the
+    centre is outside the support polygon, the body tips over the nearest edge until another part touches.
+    There is no motion for a body that is stable, or that would turn by more than `MOST`.
     """
     unmoved = Pose.of(np.zeros(3))
     moved, turned = unmoved, 0.0
@@ -226,6 +229,7 @@ def tip_to_rest(points: Array, centre: Array) -> Pose:
 
 def _tip(points: Array, centre: Array) -> Pose | None:
     """Tip once about the support until another point touches; None where the body is stable."""
+    # Support polygon, and its point nearest to the centre of mass, about which the body tips.
     plane = float(points[:, 2].min())
     touching = points[:, 2] < plane + TOUCHING
     edge = _nearest(hull(points[touching, :2]), centre[:2])
@@ -233,6 +237,7 @@ def _tip(points: Array, centre: Array) -> Pose | None:
     distance = float(np.hypot(*beside))
     if distance < STEADY:
         return None
+    # Points in the tipping direction can land on the plane.
     way = beside / distance
     along = (points[:, :2] - edge) @ way
     landing = ~touching & (along > 0.0)
@@ -248,9 +253,10 @@ def _tip(points: Array, centre: Array) -> Pose | None:
 
 
 def _nearest(polygon: Array, point: Array) -> Array:
-    """(2,) point of a convex polygon, a line or a single point, nearest to `point`."""
+    """Compute the point (2,) of a convex polygon, a line or a single point nearest to `point`."""
     if depth(polygon, point) >= 0.0:
         return point
+    # Project on each side, and keep the nearest projection.
     best = polygon[0]
     for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         side = end - start

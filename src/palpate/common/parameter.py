@@ -17,8 +17,8 @@ _set = object.__setattr__
 class Parameter:
     """Unknown: a quantity of a named object of the scene.
 
-    `Parameter("mug", "mass")` and `Parameter("mug.mass")` are the same; a name is split at its last
-    dot, so that an object's name may hold dots itself.
+    `Parameter("mug", "mass")` and `Parameter("mug.mass")` are equal. A name is split at its last dot, so
+    that an object's name may contain dots itself.
     """
 
     object: str
@@ -43,17 +43,19 @@ class Parameter:
 
 
 class ByParameter(Generic[T]):
-    """Container with one entry a parameter: `run["mug.mass"]`, `list(run)`, `len(run)`, `"mug.mass" in run`."""
+    """Container with one entry per parameter: `run["mug.mass"]`, `list(run)`, `len(run)`, `"mug.mass" in
+    run`.
+    """
 
     __slots__ = ()
     _ABSENT: ClassVar[str] = "is in none of the runs; there is"
-    """Predicate of a name without an entry, before the names that have one."""
+    """Predicate for a name without an entry, before the list of names with one."""
 
     def _entries(self) -> Mapping[Parameter, T]:
         raise NotImplementedError
 
     def __getitem__(self, name: str | Parameter) -> T:
-        """The entry of a parameter.
+        """Return the entry of a parameter.
 
         Raises:
             KeyError: there is none; the message lists the parameters that have one.
@@ -65,14 +67,14 @@ class ByParameter(Generic[T]):
         return entries[wanted]
 
     def __iter__(self) -> Iterator[Parameter]:
-        """The parameters."""
+        """Iterate over the parameters."""
         return iter(self._entries())
 
     def __len__(self) -> int:
         return len(self._entries())
 
     def __bool__(self) -> bool:
-        """True, also without any entry: `if run:` tests for a run."""
+        """True even without an entry: `if run:` tests for a run."""
         return True
 
     def __contains__(self, name: object) -> bool:

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 def single_threaded_blas() -> Generator[None]:
     """Limit BLAS to one thread while the block runs, and restore the caller's limit.
 
-    The estimators' matrices are small: more threads block each other and take ten times the processor
+    The estimators' matrices are small: several threads block each other and take ten times the processor
     time.
     """
     with threadpool_limits(1, "blas"):
@@ -38,7 +38,7 @@ def single_threaded_blas() -> Generator[None]:
 
 
 class Interrupted(KeyboardInterrupt):
-    """A signal arrived outside of a `deferred` block."""
+    """A signal arrived outside of a `defer` block."""
 
 
 class Interrupts:
@@ -63,7 +63,7 @@ class Interrupts:
         """Handle a signal.
 
         Raises:
-            Interrupted: it is not deferred, or an earlier one is still pending.
+            Interrupted: it is not deferred, or an earlier signal is still pending.
         """
         pending = self._handled < self._count
         self._count += 1
@@ -87,8 +87,10 @@ class Interrupts:
 
     @contextmanager
     def raised(self) -> Generator[None]:
-        """Raise signals inside the block: a pending one at its beginning, and at its end one that was
-        deferred inside it or raised where Python ignores exceptions.
+        """Raise signals inside the block.
+
+        A pending signal is raised at the beginning. At the end a signal is raised that was deferred inside
+        the block, or raised where Python ignores exceptions.
 
         Raises:
             Interrupted: a signal arrived.
@@ -107,12 +109,14 @@ class Interrupts:
             raise Interrupted(self.reason)
 
     def pressed(self) -> int:
-        """Number of signals since the outermost `deferred` block began; they count as handled now."""
+        """Return the number of signals since the outermost `defer` block began; they count as handled
+        now.
+        """
         self._handled = self._count
         return self._count - self._before
 
     def forget(self) -> None:
-        """Forget the signals so far: they only ended a wait after everything was done."""
+        """Forget the signals so far: they only ended a wait after all work was done."""
         self._count = self._handled = self._before = 0
 
     @property
@@ -123,7 +127,7 @@ class Interrupts:
 
 @contextmanager
 def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generator[Interrupts]:
-    """Yield the active signal handling of this process, else install one for `signals`.
+    """Yield the active signal handling of this process, or install one for `signals`.
 
     Outside the main thread Python delivers no signals, and nothing is installed.
     """
@@ -161,7 +165,7 @@ def before_anything_moves(doing: str) -> Generator[None]:
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """Signals that ask a program to end; SIGHUP unless it is ignored (nohup)."""
+    """Return the signals that ask a program to end; SIGHUP unless it is ignored (nohup)."""
     hang_up = getattr(signal, "SIGHUP", None)
     if hang_up is None or signal.getsignal(hang_up) == signal.SIG_IGN:
         return (signal.SIGINT, signal.SIGTERM)
@@ -180,18 +184,18 @@ def ignore_signals() -> None:
 K = TypeVar("K")
 T = TypeVar("T")
 
-GRACE = 2.0  # s in which a copy that is ended can remove what it wrote
+GRACE = 2.0  # s in which a terminated copy can remove its files
 
 
 class Beside(Generic[T]):
-    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends
-    the copy.
+    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends the
+    copy.
 
     Without a copy, or if it fails, `result()` does the work in this process.
     """
 
     def __init__(self, work: Callable[[], T], copied: bool = True) -> None:
-        """Begin the work; with `copied` False it waits for `result()`."""
+        """Begin the work; with `copied` False, `result()` does it."""
         self._work = work
         self._copy: ForkProcess | None = None
         self._receiver: Connection | None = None
@@ -201,11 +205,11 @@ class Beside(Generic[T]):
 
     @property
     def running(self) -> bool:
-        """A copy is at work: it has not begun to send its result."""
+        """True while a copy works and has not begun to send its result."""
         return self._receiver is not None and not self._results and not self._receiver.poll()
 
     def sent(self) -> T | None:
-        """The result, if the copy has sent it already."""
+        """Return the result if the copy has already sent it, else None."""
         if self._receiver is not None and not self._results and self._receiver.poll():
             self._receive()
         return self._results[0] if self._results else None
@@ -217,7 +221,7 @@ class Beside(Generic[T]):
         return self._results[0] if self._results else self._work()
 
     def _receive(self) -> None:
-        # A failed copy sends nothing: its error is raised again where the result is asked for.
+        # A failed copy sends nothing: `result()` raises its error again in this process.
         if self._receiver is not None:
             with suppress(EOFError, OSError):
                 self._results.append(self._receiver.recv())
@@ -236,7 +240,7 @@ class Beside(Generic[T]):
         from multiprocessing import get_context
 
         context = get_context("fork")
-        with suppress(OSError):  # no process to be had
+        with suppress(OSError):  # no process available
             receiver, sender = context.Pipe(duplex=False)
             copy = context.Process(target=_work_and_send, args=(sender, self._work), daemon=True)
             with sender:
@@ -251,8 +255,11 @@ class Beside(Generic[T]):
 
 
 def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
-    """Iterate over the results of `work` on each of `items`, in order: this process does the first of
-    them, and for each further processor a copy does as many."""
+    """Iterate over the results of `work` on each of `items`, in order.
+
+    This process handles the first share of the items, and one copy per further processor handles an equal
+    share.
+    """
     share = math.ceil(len(items) / processors())
     with ExitStack() as stack:
         copies = [
@@ -275,8 +282,11 @@ def processors() -> int:
 
 
 def can_copy() -> bool:
-    """Test that forking is safe and useful: a second processor, which no sibling of this process uses,
-    and no other thread, whose locks the copy would wait for forever."""
+    """Test if forking is safe and useful.
+
+    It needs a second processor that no sibling of this process uses. It also needs that no other thread
+    runs, whose locks would block the copy for ever.
+    """
     if sys.platform != "linux" or threading.active_count() > 1:
         return False
     return len(os.sched_getaffinity(0)) > 1 and parent_process() is None
@@ -292,5 +302,5 @@ def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
 
 
 def _leave(*_: object) -> None:
-    """End the copy through its `finally` blocks."""
+    """End the copy by way of its `finally` blocks."""
     raise SystemExit

@@ -1,7 +1,7 @@
-"""Redaction of keys of the environment in everything that is stored or shown.
+"""Redaction of keys of the environment in all stored or shown text.
 
-A server receives its key with every request. A hostile one can echo it: as a model's name, in an error, in
-a plan, in pieces, or encoded. Text is redacted where it enters (`planning.model.session`), and again
+A server receives its key with every request. A hostile server can echo it: as a model's name, in an error,
+in a plan, in pieces, or encoded. Text is redacted where it enters (`planning.model.session`), and again
 where files are written.
 """
 
@@ -23,10 +23,10 @@ SHORTEST = 6
 """Minimum length of a key; shorter values are placeholders such as `none`."""
 
 STRETCH = 12
-"""Length of a part of a key that is redacted; of a shorter key, all of it."""
+"""Length of a part of a key that is redacted; shorter keys are redacted as a whole."""
 
 _KEY_NAME = re.compile(r".*_API_KEY$")
-# Patterns that begin with letters are looked for at the speed of a text search.
+# Patterns that begin with letters are found at the speed of a text search.
 _KEY_LIKE = (
     re.compile(r"(?i:bearer\s+)[\w.~+/-]{12,}=*"),
     re.compile(r"sk-(?<=\bsk-)[\w-]{12,}"),
@@ -45,13 +45,15 @@ _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
 
 
 def redact(text: str) -> str:
-    """Redact keys of the environment, and texts that look like keys, in any form: parts of a key, spread
-    by white space, escaped, percent-encoded, in base64 or hexadecimal."""
+    """Redact keys of the environment, and texts that look like keys, in any form.
+
+    Forms are parts of a key, spread by white space, escaped, percent-encoded, in base64 or hexadecimal.
+    """
     return _remove_keys(_keys(), text)
 
 
 def redact_document(content: T) -> T:
-    """Redact every string of a JSON document, names of fields included."""
+    """Redact every string of a JSON document, including names of fields."""
     return cast("T", _redact_content(content, _keys()))
 
 
@@ -78,7 +80,7 @@ def _redact_content(content: Any, keys: tuple[str, ...]) -> Any:
 
 
 def _keys() -> tuple[str, ...]:
-    """Keys in the environment, the longest first, because one may begin with another."""
+    """Return the keys in the environment, the longest first, because one may begin with another."""
     names = [name for name in os.environ if _KEY_NAME.match(name)]
     values = {os.environ[name].strip() for name in names}
     long_enough = [value for value in values if len(value) >= SHORTEST]
@@ -87,7 +89,9 @@ def _keys() -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _spread(key: str) -> re.Pattern[str]:
-    """Pattern of the key with each character plain or escaped (JSON, URL, XML) and blanks between."""
+    """Return the pattern of the key with each character plain or escaped (JSON, URL, XML) and separators
+    between.
+    """
     return re.compile(_BETWEEN.join(_spellings(character) for character in key))
 
 
@@ -99,7 +103,7 @@ def _spellings(character: str) -> str:
 
 @lru_cache(maxsize=64)
 def _forms(key: str) -> tuple[str, ...]:
-    """Encodings of the whole key."""
+    """Return the encodings of the whole key."""
     data = key.encode("utf-8")
     forms = {
         key,
@@ -111,7 +115,8 @@ def _forms(key: str) -> tuple[str, ...]:
         data.hex().upper(),
     }
     for offset in range(3):
-        # Base64 encodes 3 bytes in 4 letters: the part that depends on the key alone, at each offset.
+        # Base64 encodes 3 bytes in 4 letters. At each offset, take the letters that depend on the key
+        # alone.
         encoded = base64.b64encode(bytes(offset) + data)
         first, last = (0, 2, 3)[offset], (len(data) + offset) * 4 // 3
         form = encoded.decode("ascii")[first:last]
@@ -133,7 +138,7 @@ def _without_stretches(text: str, forms: Iterable[str]) -> str:
 
 
 def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
-    """Spans of `text` that equal `STRETCH` successive characters of the form."""
+    """Yield the spans of `text` that equal `STRETCH` successive characters of the form."""
     width = min(STRETCH, len(form))
     for i in range(len(form) - width + 1):
         start = text.find(form[i : i + width])

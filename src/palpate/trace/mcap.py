@@ -1,13 +1,13 @@
-"""`trace.mcap`: the trace as ROS 2 messages (`palpate.trace.topics`), for Foxglove, PlotJuggler and
-Rerun, and back again.
+"""`trace.mcap`: the trace as ROS 2 messages (`palpate.trace.topics`), for Foxglove, PlotJuggler and Rerun,
+and back.
 
 `write_mcap` writes a finished trace. The metadata record `palpate.trace` holds leaves, recordings,
-conversions, hand and gravity, so that `read_mcap` returns exactly the trace that was written.
+conversions, hand and gravity, so that `read_mcap` returns exactly the written trace.
 
 `TraceStream` writes a trace while the robot moves. Encoding messages for viewers takes about as long as
-the motion itself, too long for a loop at 50 Hz. The file of a run under way is therefore an MCAP of two
-topics: blocks of numbers, a row a sample, and JSON of the leaves, recordings and conversions that ended
-since the last block. A file that was cut off is read up to there.
+the motion itself, too long for a loop at 50 Hz. The file of an unfinished run is therefore an MCAP of two
+topics. One has blocks of numbers, a row per sample. The other has JSON of the leaves, recordings and
+conversions that ended since the last block. A truncated file is read up to its end.
 """
 
 from __future__ import annotations
@@ -38,12 +38,12 @@ if TYPE_CHECKING:
 
 METADATA = "palpate.trace"
 PROFILE = "palpate-stream"
-"""Profile in the file header of a run under way."""
+"""Profile in the file header of an unfinished run."""
 BLOCKS, EVENTS = "/palpate/samples", "/palpate/events"
 BLOCK_SECONDS = 0.25
-"""s of robot time between two blocks: the most that is lost when the process is killed."""
+"""s of robot time between two blocks: the largest loss when the process is killed."""
 MAX_BYTES = 1 << 30
-"""Size of a file that is still read; an hour of samples has a tenth of it."""
+"""Largest size of a file that is read; an hour of samples has a tenth of it."""
 MAX_RECORD = 64 << 20
 """Bytes of one record in the file."""
 MAX_CHUNK = 8 << 20
@@ -54,7 +54,7 @@ MAX_RATIO = 20
 
 @dataclass(frozen=True, slots=True)
 class TraceRecord:
-    """All of a `Trace` but its samples."""
+    """All parts of a `Trace` except its samples."""
 
     leaves: tuple[LeafRun, ...]
     recordings: tuple[Recording, ...]
@@ -63,25 +63,25 @@ class TraceRecord:
     gravity: float
 
 
-# NaN from a faulty sensor is written as the constant NaN and read back as such.
+# NaN from a faulty sensor is written as the constant NaN and read back unchanged.
 TraceRecord.__pydantic_config__: ConfigDict = {"ser_json_inf_nan": "constants"}  # type: ignore[attr-defined]
 
 
 @cache
 def record_json() -> TypeAdapter[TraceRecord]:
-    """Converter between `TraceRecord` and JSON."""
+    """Return the converter between `TraceRecord` and JSON."""
     from pydantic import TypeAdapter  # slow to import
 
     return TypeAdapter(TraceRecord)
 
 
 def dump_record(record: TraceRecord) -> str:
-    """JSON of a record, without the keys of the environment."""
+    """Return the JSON of a record, without keys of the environment."""
     return redact(record_json().dump_json(record).decode())
 
 
 def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -> None:
-    """Write `trace` to `path`, in zstd-compressed chunks, with the further messages `shown`."""
+    """Write `trace` to `path`, in zstd-compressed chunks, with the additional messages `shown`."""
     from mcap.writer import Writer
 
     record = TraceRecord(
@@ -90,7 +90,7 @@ def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -
     schemas: dict[str, int] = {}
     channels: dict[str, int] = {}
     with path.open("wb") as file:
-        # The metadata record is in no chunk, and so under no checksum but that of all data.
+        # The metadata record is in no chunk, so that only the checksum of all data covers it.
         writer = Writer(file, enable_data_crcs=True)
         writer.start(profile="ros2", library=f"palpate {__version__}")
         writer.add_metadata(METADATA, {"version": __version__, "trace": dump_record(record)})
@@ -106,7 +106,7 @@ def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -
 
 
 def read_mcap(path: Path) -> Trace:
-    """Read the trace in a file of `write_mcap`, or, up to where it ends, in one of `TraceStream`.
+    """Read the trace in a file of `write_mcap`, or, up to its end, in a file of `TraceStream`.
 
     Raises:
         InputError: not such a file.
@@ -118,7 +118,7 @@ def read_mcap(path: Path) -> Trace:
             return read(file)
     except InputError:
         raise
-    # On damaged bytes the reader raises anything from struct.error to NameError.
+    # On damaged bytes the reader raises any exception from struct.error to NameError.
     except Exception as error:
         reason = (str(error).splitlines() or [type(error).__name__])[0]
         raise InputError(f"'{path}' is not a trace written by palpate: {reason}") from error
@@ -137,6 +137,7 @@ def read(file: IO[bytes]) -> Trace:
     blocks: list[Samples] = []
     topics: dict[int, str] = {}
     by_topic: defaultdict[str, list[bytes]] = defaultdict(list)
+    # A stream has blocks and events; a finished file has one record and messages by topic.
     try:
         for found in records(file, finished=not is_stream):
             if isinstance(found, Metadata) and found.name == METADATA:
@@ -149,7 +150,7 @@ def read(file: IO[bytes]) -> Trace:
                 blocks.append(samples_in_block(found.data))
             elif isinstance(found, Message):
                 by_topic[topics[found.channel_id]].append(found.data)
-    # Where a stream was cut off, the reader raises anything from EndOfFile to struct.error.
+    # At the end of a truncated stream, the reader raises any exception from EndOfFile to struct.error.
     except Exception:
         if not (is_stream and parts):
             raise
@@ -167,7 +168,7 @@ def read(file: IO[bytes]) -> Trace:
 
 
 class GrowingRecorder(Protocol):
-    """Recorder whose lists grow: all that has ended so far, in order; and the nominal hand."""
+    """Recorder whose lists grow: all events that have ended so far, in order; and the nominal hand."""
 
     hand: NominalHand
     gravity: float
@@ -177,10 +178,10 @@ class GrowingRecorder(Protocol):
 
 
 class TraceStream:
-    """Writer of a growing trace, block by block; to be closed in the end.
+    """Writer of a growing trace, block by block; it must be closed.
 
     Raises:
-        OSError: the disk is full or unavailable. What was written stays.
+        OSError: the disk is full or unavailable. Written data stays.
     """
 
     def __init__(self, path: Path, hand: NominalHand, gravity: float) -> None:
@@ -196,14 +197,14 @@ class TraceStream:
         self._writer.start(profile=PROFILE, library=f"palpate {__version__}")
         self._blocks = self._writer.register_channel(BLOCKS, "f64", 0)
         self._events = self._writer.register_channel(EVENTS, "json", 0)
-        # Hand and gravity are on disk from the start: a file without samples is a trace, too.
+        # Hand and gravity are on disk from the start: a file without samples is a valid trace.
         self._add_events(0.0, (), (), ())
         self._file.flush()
 
     def write(self, samples: Samples, recorded: GrowingRecorder) -> None:
         """Add new samples, and write a block if one is due."""
         if recorded is not self._recorded:
-            self.flush()  # the last events of the attempt before
+            self.flush()  # the last events of the previous attempt
             self._recorded, self._seen = recorded, (0, 0, 0)
         if len(samples):
             self._pending.append(samples)
@@ -215,10 +216,12 @@ class TraceStream:
         """Write the pending samples as a block, and the events since the last one."""
         samples = Samples.concatenate(self._pending)
         self._pending = []
+        # A block has one row per sample, all signals side by side.
         if len(samples):
             self._written = float(samples.t[-1])
             rows = np.column_stack([getattr(samples, signal.name) for signal in fields(samples)])
             self._add(self._blocks, self._written, rows.tobytes())
+        # Only events that are new since the last block.
         if self._recorded is not None:
             new, (a, b, c) = self._recorded, self._seen
             self._seen = (len(new.leaves), len(new.recordings), len(new.conversions))
@@ -254,7 +257,7 @@ def samples_in_block(data: bytes) -> Samples:
     """Decode the samples in a block, (n, m) numbers in the order of the fields of `Samples`.
 
     Raises:
-        ValueError: the block is not made of whole rows.
+        ValueError: the block does not consist of whole rows.
     """
     names = [signal.name for signal in fields(Samples)]
     ends = np.cumsum([len(COLUMNS.get(name, "1")) for name in names])
@@ -264,9 +267,10 @@ def samples_in_block(data: bytes) -> Samples:
 
 
 def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
-    """Iterate over the records of a file in order, chunks unpacked, with bounded memory: neither a record
-    nor a chunk is unpacked to more than its bound, whatever size the file claims. `finished`: verify the
-    checksums of a complete file.
+    """Iterate over the records of a file in order, with chunks unpacked and bounded memory.
+
+    Neither a record nor a chunk is unpacked beyond its bound, whatever size the file claims. With
+    `finished`, the checksums of a complete file are verified.
 
     Raises:
         ValueError: unpacked, a chunk or all of them exceed their bounds.
@@ -274,6 +278,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
 
+    # Budget of unpacked bytes for the whole file.
     left = MAX_CHUNK + MAX_RATIO * file.seek(0, io.SEEK_END)
     file.seek(0)
     reader = StreamReader(
@@ -289,7 +294,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
 
 
 def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """Iterate over the messages of a complete file, anybody's, each with its channel and its schema.
+    """Iterate over the messages of a complete file of any program, each with its channel and its schema.
 
     Raises:
         ValueError: as `records`.

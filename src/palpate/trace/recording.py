@@ -14,15 +14,17 @@ Activity = Literal[
 Triple = tuple[float, float, float]
 
 ABOVE = " + z_offset"
-"""Suffix of a pose expression above another."""
+"""Suffix of an expression for a pose above another pose."""
 RECORDED = "Recording"
-"""Primitive of the conversions of a recording that another program made."""
+"""Primitive of the conversions of a recording by another program."""
 GRASPS = ("_pose", "_balance")
-"""Endings of the names of poses at which an object is held as it is usually."""
+"""Endings of the names of poses at which an object is usually held."""
 
 
 def pose_name(expression: str) -> str:
-    """Name of the pose with which a pose expression begins: `red mug_pose` of `red mug_pose + z_offset`."""
+    """Return the name of the pose with which a pose expression begins: `red mug_pose` of `red mug_pose +
+    z_offset`.
+    """
     return re.split(" [+-] ", expression, maxsplit=1)[0]
 
 
@@ -32,15 +34,15 @@ class Context:
 
     Attributes:
         activity: `still` in free air, `moving` in free air, `sliding` (a held object is dragged along
-            its support), `contact` (pressing on a surface after a guarded motion), and in free air
+            its support), or `contact` (pressing on a surface after a guarded motion). In free air also
             `tilting` (still at several tilts in turn), `turning` (about the vertical, and back) or
-            `swinging` (a sinusoidal rotation); `working` (a fixture is moved along its joint, or the
-            empty hand as if it did) or `limit` (it is moved to the limits of its joint).
+            `swinging` (a sinusoidal rotation). For a fixture `working` (it is moved along its joint, or
+            the empty hand repeats that motion) or `limit` (it is moved to the limits of its joint).
         at: pose expression last reached.
         holding: object between the fingers, if any.
-        grasp: pose expression at which it was grasped; of a recording by another program, numbers: position (m)
-            and quaternion wxyz of the object in the hand.
-        support: surface touched or slid upon, if any.
+        grasp: pose expression at which it was grasped; in a recording by another program, numbers:
+            position (m) and quaternion wxyz of the object in the hand.
+        support: surface touched or slid on, if any.
     """
 
     activity: Activity
@@ -51,14 +53,16 @@ class Context:
 
     @property
     def is_elsewhere(self) -> bool:
-        """True if the held object was dragged or carried away: it is neither where it was grasped nor
-        right above."""
+        """Test if the held object was dragged or carried away.
+
+        It is then neither at the pose where it was grasped nor directly above.
+        """
         here, grasp = self.at or "", self.grasp or ""
         return here.replace(ABOVE, "") != grasp.replace(ABOVE, "")
 
     @property
     def place_of(self) -> str | None:
-        """Object whose grasp pose the hand was at, or above; None if it was at none."""
+        """Object whose grasp pose the hand was at or above; None if there is none."""
         name = pose_name(self.at or "")
         for ending in GRASPS:
             if name.endswith(ending):
@@ -157,14 +161,15 @@ class NominalHand:
         force_resolution: N.
         force_accuracy: N, of a single force without a reference.
         tip_offset_std: standard deviation of `tip_offset`, m.
-        tip_compliance: of pads and joints behind the encoders, under a force along the tool, m/N.
-        tip_compliance_std: its standard deviation, m/N.
-        gain_covariance: (7, 7), of the joints' relative gain errors after calibration; None where only
+        tip_compliance: compliance of pads and joints behind the encoders, under a force along the tool,
+            m/N.
+        tip_compliance_std: standard deviation of `tip_compliance`, m/N.
+        gain_covariance: (7, 7), of the joints' relative gain errors after calibration; None if only
             `torque_gain` is known.
         chain: kinematics of the arm; None in an older trace.
-        ripple_cycles: number of times a turn at which the gear of each joint ripples; None where it is unknown.
-        joints, fingers: names, as logged; an older trace has none and is from an FR3.
-        payload: kg that the arm may carry; an older trace has none and is from an FR3.
+        ripple_cycles: gear ripples per turn of each joint; None if unknown.
+        joints, fingers: names, as logged; an older trace without them is from an FR3.
+        payload: kg that the arm may carry; an older trace without it is from an FR3.
     """
 
     tip_offset: float
@@ -184,7 +189,7 @@ class NominalHand:
     payload: float = 3.0
 
 
-# Recording of an arm in motion, from whatever logged it.
+# Recording of an arm in motion, from any logging program.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -195,10 +200,10 @@ class ArmLog:
         t: (n,) s, increasing.
         q: (n, 7) joint positions, rad.
         dq: (n, 7) joint velocities, rad/s.
-        tau: (n, 7) joint torques as sensed, gravity included (libfranka's tau_J), N m.
+        tau: (n, 7) sensed joint torques, gravity included (libfranka's tau_J), N m.
         tau_ext: (n, 7) the controller's own estimate of external torques, N m; None where not logged.
         source: name of the file or topic, for messages.
-        notes: what was repaired when it was read, a sentence each.
+        notes: repairs made during reading, one sentence each.
     """
 
     t: Array

@@ -1,4 +1,4 @@
-"""Samples of an execution, their sound part, and the part that concerns one object."""
+"""Samples of an execution, their valid part, and the part that concerns one object."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ COLUMNS = {
 """Names of the columns of each signal that has several."""
 
 STANDARD_GRAVITY = 9.81
-"""m/s^2, MuJoCo's default gravity; a scene that sets another passes it on in the `Trace`."""
+"""m/s^2: MuJoCo's default gravity. A scene with another value passes it on in the `Trace`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
@@ -74,7 +74,7 @@ class Samples:
 
     @classmethod
     def empty(cls) -> Samples:
-        """Samples without rows."""
+        """Make samples without rows."""
         scalars, joints = np.empty(0), np.empty((0, 7))
         pose, wrench = np.empty((0, 7)), np.empty((0, 6))
         return cls(scalars, joints, joints, joints, wrench, pose, wrench, pose, scalars)
@@ -97,7 +97,7 @@ class Samples:
 
     def between(self, start: float, end: float) -> Samples:
         """Select the rows with start <= t <= end."""
-        # Times are multiples of 5 ms up to rounding.
+        # Times are multiples of 5 ms except for rounding.
         first, last = np.searchsorted(self.t, [start, end + 1e-9])
         return self.where(slice(int(first), int(last)))
 
@@ -115,16 +115,16 @@ class Trace:
 
     @property
     def t(self) -> Array:
-        """(n,) robot time, s."""
+        """Robot time (n,), s."""
         return self.samples.t
 
     @property
     def wrench(self) -> Array:
-        """(n, 6) external wrench at the TCP in world axes: N, N m (see the module's convention)."""
+        """External wrench (n, 6) at the TCP in world axes: N, N m (see the module's convention)."""
         return self.samples.wrench
 
     def columns(self) -> dict[str, Array]:
-        """Columns of the samples by name, e.g. `t`, `q3`, `wrench_fz`, each (n,)."""
+        """Return the columns of the samples by name, e.g. `t`, `q3`, `wrench_fz`, each (n,)."""
         found: dict[str, Array] = {}
         for signal in fields(self.samples):
             values: Array = getattr(self.samples, signal.name)
@@ -180,7 +180,9 @@ class Trace:
         )
 
     def during(self, start: float, end: float) -> Trace:
-        """Return the samples and recordings from robot time `start` to `end`, with the leaves up to then."""
+        """Return the samples and recordings from robot time `start` to `end`, with the leaves that started by
+        then.
+        """
 
         def inside(recording: Recording) -> bool:
             return start <= recording.start and recording.end <= end
@@ -210,10 +212,11 @@ T = TypeVar("T")
 
 
 def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]:
-    """Cache the results of `find` for as long as its first argument lives: samples, a trace or the like.
+    """Cache the results of `find` as long as its first argument lives: samples, a trace or similar.
 
-    A result must not refer to that argument, which would then live for ever. The other arguments are hashable. A
-    cached array is shared by all callers and therefore read-only."""
+    A result must not refer to that argument, which would then live for ever. The other arguments are
+    hashable. A cached array is shared by all callers and therefore read-only.
+    """
     known: WeakKeyDictionary[Any, dict[Hashable, T]] = WeakKeyDictionary()
 
     @wraps(find)
@@ -230,8 +233,8 @@ def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]
     return compute_once
 
 
-# Sound part of a trace: without the samples of actions that failed, of those in parallel with them,
-# and of all that followed until the plan was resumed.
+# Valid part of a trace: without the samples of failed actions, of parallel actions, and of all later
+# actions until the plan was resumed.
 
 
 ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
@@ -246,13 +249,16 @@ class SpoiledSpan(NamedTuple):
     spoiled_by: LeafRun
 
     def touches(self, start: float, end: float) -> bool:
-        """True if the interval from `start` to `end` overlaps with it."""
+        """Test if the interval from `start` to `end` overlaps with it."""
         return end > self.start and start < self.end
 
 
 def spoiled_spans(trace: Trace) -> tuple[SpoiledSpan, ...]:
-    """Find the spans without evidence, one for each attempt that was broken off: from the first action
-    that failed to the start of the next attempt."""
+    """Find the spans without evidence, one for each attempt that was broken off.
+
+    A span extends from the first failed action to the start of the next attempt.
+    """
+    # Group the leaves by attempt, which ends where the next attempt starts.
     attempts: dict[str, list[LeafRun]] = {}
     for leaf in trace.leaves:
         prefix = ATTEMPT.match(leaf.node)
@@ -260,6 +266,7 @@ def spoiled_spans(trace: Trace) -> tuple[SpoiledSpan, ...]:
     starts = [min(leaf.start for leaf in leaves) for leaves in attempts.values()]
     ends = [*starts, math.inf][1:]
     found: list[SpoiledSpan] = []
+    # The first failed action of an attempt spoils the rest of it.
     for leaves, end in zip(attempts.values(), ends, strict=True):
         failed = [leaf for leaf in leaves if leaf.status != "SUCCESS"]
         if failed:
@@ -269,8 +276,9 @@ def spoiled_spans(trace: Trace) -> tuple[SpoiledSpan, ...]:
 
 
 def parallel_start(failed: LeafRun, leaves: Sequence[LeafRun]) -> float:
-    """Start of a leaf, or of the first of those that ran in parallel with it, transitively; s."""
+    """Return the start, s, of a leaf, or of the first leaf in parallel with it, transitively."""
     start = failed.start
+    # Backwards in time: each overlapping leaf may move the start earlier.
     for leaf in sorted(leaves, key=lambda leaf: leaf.end, reverse=True):
         if leaf.end > start and leaf.start < failed.end:
             start = min(start, leaf.start)
@@ -286,6 +294,7 @@ def sound(trace: Trace) -> Trace:
     def is_kept(start: float, end: float) -> bool:
         return not any(span.touches(start, end) for span in spans)
 
+    # Keep the rows outside of all spans, and the recordings that overlap with none.
     t = trace.samples.t
     rows = np.all([(t <= span.start) | (t >= span.end) for span in spans], axis=0)
     recordings = tuple(r for r in trace.recordings if is_kept(r.start, r.end))
@@ -304,12 +313,14 @@ def sound(trace: Trace) -> Trace:
 
 
 AROUND = 20.0
-"""s before and after an object was in the hand: more than the time around it from which an estimate takes the empty
-hand's motions (`tuning.WHOLE_AROUND`). Of 30 masses z is .54 rms; from all of their runs, .59."""
+"""s before and after an object was in the hand. It is longer than the time around it from which an estimate
+takes the empty hand's motions (`estimation.load_blocks.WHOLE_AROUND`). The rms of z over 30 masses is .54; from all of
+their runs it is .59.
+"""
 
 
 class Recorded(Protocol):
-    """What a trace, or a growing one, has recorded."""
+    """Leaves, recordings and conversions of a trace, complete or growing."""
 
     @property
     def leaves(self) -> Sequence[LeafRun]: ...
@@ -320,15 +331,18 @@ class Recorded(Protocol):
 
 
 def reach(of: Recorded, name: str) -> tuple[float, float] | None:
-    """First and last robot time, s, of the evidence of the object `name`: `AROUND` the time in which it was in the
-    hand, and the recordings of the empty hand next to its own. None where it was never in the hand: then anything
-    may be evidence."""
+    """Find the first and last robot time, s, of the evidence of the object `name`.
+
+    The evidence covers `AROUND` the time in which the object was in the hand, and the adjacent recordings
+    of the empty hand. None if the object was never in the hand: any part may be evidence then.
+    """
     held = [leaf for leaf in of.leaves if leaf.context is not None and leaf.context.holding == name]
     if not held:
         return None
     used: list[Recording] = [one.recording for one in of.conversions if one.object == name]
     for nearby in (of.recordings, of.recordings[::-1]):
-        # Towards its own from both sides, beginning anew after each of another object.
+        # Approach the object's own recordings from both sides; a recording of another object restarts the
+        # collection.
         empty: list[Recording] = []
         for recording in nearby:
             holding = recording.context.holding
@@ -343,7 +357,9 @@ _during = once(Trace.during)
 
 
 def trace_around(trace: Trace, name: str) -> Trace:
-    """Return the part of a trace that is evidence of the object `name`; a part is cached, the whole is not."""
+    """Return the part of a trace that is evidence of the object `name`. Parts are cached, the whole trace is
+    not.
+    """
     reached = reach(trace, name)
     if reached is None or not len(trace.t):
         return trace

@@ -53,8 +53,9 @@ DEFINITIONS = {
 
 
 def definition(datatype: str) -> str:
-    """Return the full text of `package/Type`, as an MCAP schema carries it: its fields, then those of
-    every type that they are made of."""
+    """Return the full text of `package/Type` for an MCAP schema: its fields, then those of all its component
+    types.
+    """
     parts = [DEFINITIONS[datatype]]
     parts += [f"MSG: {name}\n{DEFINITIONS[name]}" for name in dependencies(datatype)]
     # ros2msg concatenates definitions with a line of 80 equals signs.
@@ -70,7 +71,7 @@ def dependencies(datatype: str) -> list[str]:
 
 
 class Field(NamedTuple):
-    """Numbers that differ from message to message: `length` of dtype `kind` from byte `offset` on."""
+    """Numbers that differ between messages: `length` of dtype `kind` from byte `offset` on."""
 
     name: str
     offset: int
@@ -81,14 +82,13 @@ class Field(NamedTuple):
 class Layout:
     """Byte layout of a message, written from its first field to its last.
 
-    Texts and array lengths are the same in every message; named fields are left open. `encode` fills
-    them from arrays of n rows, `decode` reads them back: a list of messages is one numpy array of
-    records, in which the texts are gaps between the fields.
+    Texts and array lengths are equal in all messages; named fields are left open. `encode` fills them from
+    arrays of n rows, `decode` reads them back. A list of messages is one numpy array of records, in which
+    the texts are gaps between the fields.
 
-    CDR aligns every number to a multiple of its own size, counted after the 4-byte header. A text is
-    its length with the closing zero, its UTF-8 bytes and the zero; an array is its length and its
-    items. A `geometry_msgs/PointStamped` is
-    `Layout().time("stamp").text("world").doubles("point", 3)`:
+    CDR aligns every number to a multiple of its own size, counted after the 4-byte header. A text is its
+    length with the closing zero, its UTF-8 bytes and the zero. An array is its length and its items. A
+    `geometry_msgs/PointStamped` is `Layout().time("stamp").text("world").doubles("point", 3)`:
 
         00 01 00 00 | sec | nanosec | 6 | w o r l d 0 | 0 0 | x | y | z
     """
@@ -143,6 +143,7 @@ class Layout:
 
     def encode(self, signals: Mapping[str, NDArray[Any]], n: int) -> list[bytes]:
         """Encode `n` messages from arrays (n, count) by field name; a name may occur several times."""
+        # n copies of the constant bytes, viewed as records whose fields are then filled.
         rows = np.frombuffer(bytearray(self.constant * n), self._dtype())
         for place, field in enumerate(self.fields):
             rows[str(place)] = signals[field.name]
@@ -156,6 +157,7 @@ class Layout:
         """
         if any(len(message) != len(self.constant) for message in messages):
             raise ValueError(f"a message does not have {len(self.constant)} bytes")
+        # View the joined bytes as records.
         rows = np.frombuffer(b"".join(messages), self._dtype())
         return {field.name: rows[str(place)].copy() for place, field in enumerate(self.fields)}
 
@@ -178,8 +180,7 @@ class Layout:
         self.constant += bytes(-(len(self.constant) - len(LITTLE_ENDIAN)) % size)
 
 
-# Topics of `trace.mcap`: conversion of samples and events to ROS 2 messages, and of messages to
-# samples.
+# Topics of `trace.mcap`: conversion between samples, events and ROS 2 messages.
 
 
 WORLD, TCP, TCP_WORLD_AXES = "world", "tcp", "tcp_world_axes"
@@ -202,7 +203,9 @@ def header(frame: str) -> Layout:
 
 
 def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
-    """Datatype and layout of each topic with one message per sample; joints named as in `hand`."""
+    """Return datatype and layout of each topic with one message per sample; joints have the names of
+    `hand`.
+    """
     joint_states = "sensor_msgs/JointState"
     pose = header(WORLD).doubles("position", 3).doubles("orientation", 4)
     target = header(WORLD).doubles("target_position", 3).doubles("target_orientation", 4)
@@ -210,7 +213,7 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
     arm = header(WORLD).texts(hand.joints).array("q", 7).array("dq", 7).empty_array()
     gripper = header(WORLD).texts(hand.fingers).array("fingers", 2).empty_array().empty_array()
     efforts = header(WORLD).texts(hand.joints).empty_array().empty_array().array("tau_ext", 7)
-    # `tcp_world_axes` moves with the TCP and never turns: the frame of wrench and twist.
+    # `tcp_world_axes` moves with the TCP but never turns: the frame of wrench and twist.
     transforms = Layout().uint32(2)
     for frame, orientation in ((TCP, "orientation"), (TCP_WORLD_AXES, "unturned")):
         transforms.time("stamp").text(WORLD, frame).doubles("position", 3).doubles(orientation, 4)
@@ -228,14 +231,15 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
 
 
 def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
-    """Convert a trace to messages in order of time; at equal times `shown` comes first, then samples,
-    then events."""
+    """Convert a trace to messages in order of time; at equal times `shown` comes first, then samples, then
+    events.
+    """
     everything = [*shown]
     signals, times = signals_of(trace.samples), nanoseconds(trace.samples.t).tolist()
     for name, (datatype, layout) in topics(trace.hand).items():
         for time, data in zip(times, layout.encode(signals, len(times)), strict=True):
             everything.append(Message(time, name, datatype, data))
-    # Python's sort is stable: it keeps this order within one instant.
+    # Python's sort is stable: it keeps this order at equal times.
     return sorted([*everything, *events(trace)], key=lambda message: message.time)
 
 
@@ -245,6 +249,7 @@ def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Sa
     Raises:
         ValueError: a topic lacks rows, or a message has another size.
     """
+    # Decode the fields of all topics, and assemble the samples from them.
     signals: dict[str, NDArray[Any]] = {}
     for name, (_, layout) in topics(hand).items():
         signals |= layout.decode(messages.get(name, ()))
@@ -259,6 +264,7 @@ def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Sa
         target_world_tcp=_pose(signals["target_position"], signals["target_orientation"]),
         width=signals["fingers"].sum(axis=1),
     )
+    # Every topic must have one message per sample.
     for field in fields(Samples):
         if len(getattr(samples, field.name)) != len(samples):
             raise ValueError(f"{field.name} lacks samples")
@@ -266,7 +272,7 @@ def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Sa
 
 
 def signals_of(s: Samples) -> dict[str, NDArray[Any]]:
-    """Values of the open fields of all layouts, a row per sample."""
+    """Return the values of the open fields of all layouts, one row per sample."""
     return {
         "stamp": stamps(s.t),
         "t": s.t[:, None],
@@ -285,7 +291,7 @@ def signals_of(s: Samples) -> dict[str, NDArray[Any]]:
 
 
 def xyzw(pose: Array) -> Array:
-    """Quaternions of poses (n, 7) in the order of ROS; palpate's begin with w."""
+    """Return the quaternions of poses (n, 7) in ROS's order xyzw; palpate's order is wxyz."""
     return pose[:, [4, 5, 6, 3]]
 
 
@@ -309,7 +315,7 @@ def nanosecond(t: float) -> int:
 
 
 def events(trace: Trace) -> list[Message]:
-    """Messages at begin and end of leaves and recordings, and of conversions."""
+    """Make the messages at begin and end of leaves and recordings, and of conversions."""
     found: list[Message] = []
     for leaf in trace.leaves:
         about = {"node": leaf.node, "primitive": leaf.primitive, "label": leaf.label}
@@ -328,17 +334,17 @@ def events(trace: Trace) -> list[Message]:
 
 
 def text(t: float, topic: str, content: str) -> Message:
-    """`std_msgs/String` at `t`, s."""
+    """Make a `std_msgs/String` at `t`, s."""
     return message(t, topic, "std_msgs/String", Layout().text(content))
 
 
 def json_text(t: float, topic: str, content: dict[str, Any]) -> Message:
-    """`std_msgs/String` with JSON at `t`, s."""
+    """Make a `std_msgs/String` with JSON at `t`, s."""
     return text(t, topic, json.dumps(content, ensure_ascii=False))
 
 
 def log_entry(leaf: LeafRun) -> Message:
-    """`rcl_interfaces/Log` of the end of a leaf: stamp, level, name, text, and no source location."""
+    """Make the `rcl_interfaces/Log` of a leaf's end: stamp, level, name, text, and no source location."""
     content = ", ".join(filter(None, (f"{leaf.label}: {leaf.status}", leaf.message)))
     stamp = divmod(nanosecond(leaf.end), 1_000_000_000)
     layout = Layout().uint32(*stamp).uint8(LEVELS[leaf.status])
@@ -347,5 +353,5 @@ def log_entry(leaf: LeafRun) -> Message:
 
 
 def message(t: float, topic: str, datatype: str, layout: Layout) -> Message:
-    """Message of a `layout` without open fields, at `t`, s."""
+    """Make a message from a `layout` without open fields, at `t`, s."""
     return Message(nanosecond(t), topic, datatype, bytes(layout.constant))
