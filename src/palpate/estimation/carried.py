@@ -126,7 +126,7 @@ class CarriedLoad:
 def fit_carried_load(trace: Trace, name: str) -> CarriedLoad | None:
     """Fit the load `name` to all time in which it was carried or the hand was empty.
 
-    In a recording that stands for the mass of the hand, the hand is fitted as well. None where the
+    If the recording is used for the mass of the hand, the hand is fitted as well. None where the
     arm's links are unknown or the load was never carried.
     """
     observed, rows = observe(trace), load_rows(trace, name)

@@ -42,7 +42,7 @@ per cent off (Gaz et al., see `joint_friction.JOINT_LEVEL`). Sensitive: mass 0.2
 wander, else none."""
 INERTIA_OFF = ((1.0, 10.0), (0.9, 0.1))
 """factors on `INERTIA_SHARE` where all free motion is fitted, with prior probabilities. On a real
-arm half of the wrist's inertia was missing, as its motors are a large part of it. Not sensitive."""
+arm half of the wrist's inertia was missing: its motors contribute much of it. Not sensitive."""
 UNSTEADY_SHARE = 0.01
 """fraction (1 sigma): the same error, independent in each bin: links and gears bend a little.
 Sensitive: mass 0.2 σ, std ×0.95–1.1."""

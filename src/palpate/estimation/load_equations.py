@@ -52,7 +52,7 @@ def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
 
     Args:
         maps: (bins, signals, 6) signals per unit wrench.
-        apart: share (1 sigma) of the bias that each kind of segment has of its own.
+        apart: share (1 sigma) of the bias that differs between kinds of segment.
     """
     found = weighing.segments
     bins, signals = maps.shape[:2]
@@ -89,9 +89,9 @@ def _each(found: Weighing, name: str) -> Array:
 def bias_covariance(weighing: Weighing, apart: float) -> Array:
     """Compute the covariance (bins, bins), N², of the biases of one signal in units of its scale.
 
-    The biases are: a constant; a function of the path, of which each kind of segment has its own
-    share `apart` and each turn all; inertial and viscous effects of the motion; residual stiction
-    of rests.
+    The biases are a constant, a function of the place on the path, inertial and viscous effects of
+    the motion, and residual stiction of rests. A share `apart` (1 sigma) of the function differs
+    between kinds of segment; for turns all of it does.
     """
     found = weighing.segments
     # Kind, segment and type of each bin.
@@ -225,7 +225,8 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Weighin
     """Set up the equations of a weighing.
 
     Args:
-        apart: share of the bias that each kind of segment has of its own, see `bias_covariance`.
+        apart: share (1 sigma) of the bias that differs between kinds of segment, see
+            `bias_covariance`.
     """
     found = weighing.segments
     # The weight of the load, and its inertial force under vertical acceleration.
