@@ -1,4 +1,4 @@
-"""`palpate`: its commands, in the order in which its help lists them."""
+"""`palpate`: its commands, in the order of its help."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Commands: functions with groups of options, and the printing of their errors."""
+"""Commands: functions with groups of options, and the output of their errors."""
 
 from __future__ import annotations
 
@@ -24,16 +24,18 @@ Function = TypeVar("Function", bound=Callable[..., None])
 
 
 def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], Function]:
-    """Make a function a command of `app`, by its own name unless another is given.
+    """Make a function a command of `app`, by its own name or another one.
 
-    Every command takes the options of `Voice`. Two kinds of parameters are groups of options: one
-    whose type is a dataclass (the command has its fields as options, and the function gets the
-    dataclass), and one that is annotated with `options.settings(…)`. A `PalpateError`, or a signal,
-    becomes a message and its exit status; a command with a parameter `as_json` that is set prints it
-    as JSON too.
+    Every command takes the options of `Voice`. A parameter may be a group of options in two ways.
+    With a dataclass as its type, the command has its fields as options, and the function gets the
+    dataclass. The other way is the annotation `options.settings(…)`.
+
+    A `PalpateError`, or a signal, becomes a message and its exit status. With `as_json` set, it is
+    also printed as JSON.
     """
 
     def register(function: Function) -> Function:
+        # Find the parameters that are groups of options.
         hints = get_type_hints(function, include_extras=True)
         groups = {name: group for name, hint in hints.items() if (group := _group(hint))}
 
@@ -41,6 +43,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
         def call(**given: Any) -> None:
             as_json = given.get("as_json", False)
             voice = Voice(**{name: given.pop(name) for name in VOICE})
+            # Convert errors and signals to messages and exit statuses.
             with interrupts() as signals:
                 try:
                     with signals.raised(), voice.heard():
@@ -51,6 +54,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
                     aborted = ExecutionAborted(signals.reason)
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
+        # typer reads the signature: give it the options in place of the groups.
         _set_options(call, [*_options(function, hints, groups), *_Group(Voice).parameters()])
         app.command(name, cls=SingleValued)(call)
         return function
@@ -59,9 +63,11 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
 
 
 class SingleValued(TyperCommand):
-    """A command that refuses two values for an option that takes one; click keeps the last."""
+    """Command that refuses an option of one value that is given twice. click uses the last
+    value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        # Parse once to count the options, before click merges them.
         _, _, given = self.make_parser(ctx).parse_args(list(args))
         for option in given:
             takes_one = isinstance(option, TyperOption) and not (option.multiple or option.is_flag)
@@ -72,7 +78,7 @@ class SingleValued(TyperCommand):
 
 @dataclass(frozen=True)
 class _Group:
-    """Options that are the fields of a dataclass, in the help's panel that it names."""
+    """Options that are the fields of a dataclass, in a panel of the help."""
 
     kind: Any
 
@@ -82,6 +88,7 @@ class _Group:
         for field in fields(self.kind):
             hint = hints[field.name]
             kind, info = get_args(hint)
+            # Copy the option before its change: commands share it.
             if panel is not None and isinstance(info, OptionInfo):
                 info = copy(info)
                 info.rich_help_panel = panel
@@ -92,7 +99,7 @@ class _Group:
 
 
 def _group(hint: Any) -> _Group | FromSettings | None:
-    """The group of options that a parameter of this type takes, if it does."""
+    """Make the group of options of a parameter with this type; None for a single option."""
     if is_dataclass(hint):
         return _Group(hint)
     return next((extra for extra in get_args(hint) if isinstance(extra, FromSettings)), None)
@@ -103,7 +110,7 @@ def _options(
     hints: Mapping[str, Any],
     groups: Mapping[str, _Group | FromSettings],
 ) -> list[Parameter]:
-    """The function's parameters, the options of a group in the place of the group."""
+    """List the function's parameters, with the options of a group in place of the group."""
     options: list[Parameter] = []
     for name, parameter in inspect.signature(function).parameters.items():
         if name in groups:
@@ -133,7 +140,8 @@ def _set_options(called: Any, options: list[Parameter]) -> None:
 def _gather_options(
     given: Mapping[str, Any], groups: Mapping[str, _Group | FromSettings]
 ) -> dict[str, Any]:
-    """The options as the function takes them: those of a group in a group."""
+    """Convert the options to the function's arguments: the options of a group become one
+    argument."""
     arguments = dict(given)
     for name, group in groups.items():
         arguments[name] = group.gather(arguments)

@@ -94,7 +94,7 @@ def execute(
 
 
 def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
-    """Run with a live view on stderr, print the result, exit with its status."""
+    """Run with a live view on stderr, print the result, and exit with its status."""
     from palpate.cli.show_arms import confirm_seen
     from palpate.cli.show_run import (
         ValuesFirst,
@@ -120,10 +120,12 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
         live_page(watch.live) as page,
         groot(watch) as publisher,
     ):
+        # Questions go to the page if there is one, else to the terminal.
         warn_of_drawn_truth(asked)
         may_move = unless(yes, page.confirm if page else confirm_plan)
         planned = page.planned if page else unheard if yes else show_plan_early
         proposal = refuse_proposal if as_json else confirm_proposal
+        # Run with the views and callbacks, then print the result.
         with live_view(page, publisher, pace(watch, asked)) as (observer, say):
             values = ValuesFirst(as_json)
             callbacks = RunCallbacks(

@@ -64,7 +64,7 @@ def gap(
     show_gap(load_settings(settings_of(scene=scene, **given)), as_json)
 
 
-# Commands about plans; none moves anything.
+# Commands about plans. None moves a robot.
 
 
 ASKED = ("request", "measure", "scene", "images", *SCENE)

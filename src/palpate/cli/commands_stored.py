@@ -73,6 +73,7 @@ def estimate(
         return
     if source is None:
         raise InputError("give a run folder or a recording, or --how for what to record")
+    # A run folder is estimated again; everything else is a recording.
     if (source / "result.json").exists():
         found = pp.open(source).estimate(by_quantity("estimator", estimator or ()))
     else:
@@ -96,10 +97,10 @@ def estimate(
 
 
 def _window(text: str) -> tuple[float, float]:
-    """Seconds of `12.0-18.5`.
+    """Parse `12.0-18.5`, s.
 
     Raises:
-        InputError: not of that form.
+        InputError: another form.
     """
     start, _, stop = text.partition("-")
     try:
@@ -111,7 +112,7 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def _hand(text: str | None) -> float | Literal["found"] | None:
-    """Kilograms, or `found`.
+    """Parse a mass in kg, or `found`.
 
     Raises:
         InputError: neither.

@@ -37,7 +37,7 @@ ERRORS: dict[type[PalpateError], int] = {
 }
 
 _FLAGS = {option.field.name: option.flags[-1] for option in iter_options(Settings)}
-# Of the commands that read recordings.
+# Options of the commands that read recordings.
 _FLAGS.update({name: f"--{name}" for name in ("columns", "loaded", "empty", "hand")})
 _ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
@@ -49,7 +49,9 @@ def exit_status(error: PalpateError) -> int:
 
 
 def in_flags(message: str) -> str:
-    """Rewrite the library's `scene=D.xml` as `--scene D.xml`, and `scene=` alone as `--scene`."""
+    """Rewrite the library's arguments as options: `scene=D.xml` as `--scene D.xml`, and `scene=`
+    alone as `--scene`.
+    """
 
     def flag(found: re.Match[str]) -> str:
         value_follows = message[found.end() : found.end() + 1] not in " ,:."
@@ -71,8 +73,9 @@ def print_json(content: Any) -> None:
 
 
 def print_error(error: PalpateError, as_json: bool) -> int:
-    """Print an error as a line on stderr, and as an object on stdout where JSON is wanted; return
-    the exit status."""
+    """Print an error as a line on stderr; with `as_json` also as an object on stdout. Return the
+    exit status.
+    """
     status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
         with printing():
@@ -94,29 +97,31 @@ def say(line: str) -> None:
 
 
 def aside(line: str) -> None:
-    """Print a dim line on stderr: progress, or the place of a file."""
+    """Print a dim line on stderr: progress, or the path of a file."""
     err.print(Text(line, "dim"), soft_wrap=True)
 
 
 @contextmanager
 def printing() -> Generator[None]:
-    """Print results inside the block; a failure to print is reported on stderr and does not change the
-    exit status."""
+    """Print results inside the block. A failure to print is reported on stderr, and the exit status
+    stays.
+    """
     try:
         yield
         sys.stdout.flush()
-    # Rich leaves by SystemExit when its pipe was closed.
+    # Rich exits by SystemExit if its pipe was closed.
     except (OSError, SystemExit) as error:
         say(f"the result was not printed: {getattr(error, 'strerror', None) or 'nobody reads it'}")
-        # What is still in its buffer must not fail again when the process ends.
+        # Redirect the rest of the buffer, so that it does not fail again when the process ends.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 class Ticker:
-    """Progress line on stderr: rewritten in place on a terminal, else a new line now and then."""
+    """Progress line on stderr: rewritten in place on a terminal, else a new line from time to
+    time."""
 
     EVERY = 30.0
-    """s between two lines that are not rewritten."""
+    """s: interval of lines that are not rewritten."""
 
     def __init__(self) -> None:
         self._told = -math.inf
@@ -124,6 +129,7 @@ class Ticker:
 
     def __call__(self, line: str) -> None:
         self._line = line
+        # Pad the line, so that it covers the one before.
         if err.is_terminal:
             width = err.width - 1
             err.print(Text(line[:width].ljust(width), "dim"), end="\r")
@@ -132,7 +138,7 @@ class Ticker:
             self.end()
 
     def end(self) -> None:
-        """Keep the last line."""
+        """Print the last line so that it stays."""
         if self._line:
             err.print(Text(self._line, "dim"))
         self._line = ""
@@ -146,7 +152,7 @@ def escape(text: str) -> str:
 
 
 def ask_yes_no(question: str, default: bool = False) -> bool:
-    """Ask at the terminal; no answer is a no."""
+    """Ask at the terminal; no answer means no."""
     import typer
 
     try:
@@ -157,7 +163,8 @@ def ask_yes_no(question: str, default: bool = False) -> bool:
 
 
 def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
-    """Make a table without rules: names in the first column, right-aligned numbers in the others."""
+    """Make a table without rules: names in the first column, right-aligned figures in the
+    others."""
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
     names, *figures = headings
     table.add_column(names, no_wrap=no_wrap)
@@ -166,7 +173,7 @@ def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False
     return table
 
 
-# Verbosity on stderr and log file: options of every command.
+# Verbosity on stderr and log file, options of every command.
 
 
 Verbose = Annotated[
@@ -198,6 +205,7 @@ class Voice:
         """
         logger = logging.getLogger("palpate")
         level, quiet = logger.level, err.quiet
+        # Change the logger and the console, and restore both after the block.
         handlers = list(self._handlers())
         err.quiet = self.quiet
         if self.verbose or self.log is not None:
@@ -218,7 +226,7 @@ class Voice:
         if self.verbose or self.log is not None:
             spoken = logging.StreamHandler(sys.stderr)
             spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
-            # The live view shows these messages already: they go to the log only.
+            # The live view shows these messages already: send them only to the log.
             spoken.addFilter(lambda record: record.name != LIVE_LOGGER)
             yield spoken
         if self.log is not None:
@@ -232,5 +240,5 @@ class _Redacting(logging.Formatter):
     """Formatter that removes keys of the environment and control characters of terminals."""
 
     def format(self, record: logging.LogRecord) -> str:
-        # Indented, no line of a message looks like the first line of another one.
+        # Indent the lines of a message, so that none looks like the first line of another message.
         return visible(redact(super().format(record))).replace("\n", "\n    ")

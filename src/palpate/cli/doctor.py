@@ -1,4 +1,4 @@
-"""`palpate doctor`: what is and is not available here, and what to do about it."""
+"""`palpate doctor`: availability of libraries, robots and models, with remedies."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ PROVIDERS = {
     "google": ("google-genai", "GOOGLE_API_KEY"),
     "anthropic": ("anthropic", "ANTHROPIC_API_KEY"),
 }
-"""Models' providers: the distribution of the client, and the environment variable of the key."""
+"""Providers of models: the distribution of the client, and the environment variable of the key."""
 
 EXTRAS = {
     "live": ("page for --live", "viser"),
@@ -48,7 +48,7 @@ EXTRAS = {
 
 
 class DoctorLine(NamedTuple):
-    """Line of the examination: available or not, subject, and version or remedy."""
+    """Line of the examination: availability, subject, and version or remedy."""
 
     good: bool
     what: str
@@ -56,7 +56,8 @@ class DoctorLine(NamedTuple):
 
 
 def examine() -> int:
-    """Print the table; return 0 if the embedded robot and the symbolic planner can work, else 5."""
+    """Print the table. Return 0 if the embedded robot and the symbolic planner are usable, else
+    5."""
     core = [_core(name) for name in CORE]
     table = Table(box=None, show_header=False, pad_edge=False)
     for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), *_extras()):
@@ -67,22 +68,24 @@ def examine() -> int:
 
 
 def examine_robot(asked: Settings, may_hold: Callable[[], bool]) -> int:
-    """Print a line for each requirement of a real robot; return 0 if all are met, else 5."""
+    """Print a line for each requirement of a real robot. Return 0 if all are met, else 5."""
     from palpate.runs.tools import examine_real_robot
 
     return _print_checks(examine_real_robot(asked, may_hold))
 
 
 def examine_planner(planner: str, model: ModelSettings) -> int:
-    """Print a line for each requirement of a planner, whose server is asked for its models and for a
-    word; return 0 if all are met, else 5."""
+    """Print a line for each requirement of a planner. Return 0 if all are met, else 5.
+
+    The planner's server is asked for its models and for a word.
+    """
     from palpate.runs.tools import examined_planner
 
     return _print_checks(examined_planner(planner, model.base_url, model.budget.seconds))
 
 
 def _print_checks(lines: Iterable[tuple[bool, str, str]]) -> int:
-    """Print the lines as they come; return 0 if all are good, else 5."""
+    """Print the lines as they arrive. Return 0 if all are good, else 5."""
     well = True
     for good, what, detail in lines:
         mark = "[green]✓[/]" if good else "[red]✗[/]"
@@ -133,7 +136,7 @@ def _extras() -> Iterator[DoctorLine]:
 
 
 def _installed_version(distribution: str) -> str | None:
-    """Its version."""
+    """Installed version of a distribution; None if it is missing."""
     try:
         return version(distribution)
     except PackageNotFoundError:

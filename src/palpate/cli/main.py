@@ -15,15 +15,17 @@ from palpate.common.processes import ending_signals, ignore_signals, interrupts
 INTERRUPTED = 130
 """Exit status of typer for a signal outside of a command."""
 LITTER = 100_000
-"""New objects between two garbage collections. Loading a program makes hardly any garbage; Python's
-default of 700 takes a sixth of the time of `palpate plan`."""
+"""New objects between two garbage collections. A program creates hardly any garbage while it loads.
+Python's default of 700 takes a sixth of the time of `palpate plan`.
+"""
 GRACE = 0.1
-"""Wait for a thread of palpate at exit, s."""
+"""s: wait for a thread of palpate at exit."""
 
 
 def main() -> None:
     """Run the command line; handle signals and errors that the commands do not handle."""
-    # Matrices are small: BLAS threads of parallel processes block each other, ten times slower.
+    # Use one BLAS thread: matrices are small, and the threads of parallel processes block each
+    # other, ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     gc.set_threshold(LITTER)
     with interrupts(ending_signals()) as signals, signals.defer():
@@ -32,6 +34,7 @@ def main() -> None:
             from palpate.cli.app import app
 
             status = app(standalone_mode=False)
+        # Every end of the program has one exit status and at most one message.
         except KeyboardInterrupt:
             status = INTERRUPTED
         except Exception as error:
@@ -42,6 +45,7 @@ def main() -> None:
             from palpate.cli.console import say
 
             say(f"{signals.reason}, when all was done" if status == 0 else signals.reason)
+        # A closed output costs the status of a successful command.
         if not _flush_stdout():
             status = status or 1
         atexit.register(ignore_signals)
@@ -49,8 +53,11 @@ def main() -> None:
 
 
 def _leave(status: int) -> NoReturn:
-    """End the process. If a thread of palpate is still inside a robot's C++ library, exit without the
-    interpreter's shutdown, which would abort the process there."""
+    """End the process.
+
+    If a thread of palpate is still inside a robot's C++ library, the interpreter's shutdown would
+    abort the process there. The process then exits without it.
+    """
     if not any(_inside_a_library(thread) for thread in threading.enumerate()):
         gc.freeze()  # nothing is collected at exit
         sys.exit(status)
@@ -81,7 +88,7 @@ def _without_broken_opengl() -> None:
 
 
 def _flush_stdout() -> bool:
-    """Flush stdout; return whether all results were written."""
+    """Flush stdout; return True if all results were written."""
     try:
         sys.stdout.flush()
     except OSError:
@@ -101,8 +108,11 @@ def _report_interrupt(reason: str) -> int:
 
 
 def _report_error(error: Exception) -> int:
-    """Print an error of the command line library in its own words, an unexpected one in one line, with
-    `python -X dev` in full; return the exit status."""
+    """Print an error and return the exit status.
+
+    An error of the command line library keeps its own words. An unexpected one is a line, or with
+    `python -X dev` a traceback.
+    """
     if type(error).__name__ == "Abort":
         return INTERRUPTED
     if type(error).__module__.split(".")[0] in ("click", "typer"):
@@ -113,7 +123,7 @@ def _report_error(error: Exception) -> int:
     from palpate.common.errors import PalpateError
 
     if isinstance(error, OSError):
-        # Mostly a full or closed output: nothing more is printed there.
+        # The output is probably full or closed: print nothing more there.
         say(str(error))
         return 1
 
@@ -122,8 +132,9 @@ def _report_error(error: Exception) -> int:
 
 
 def usage(error: Any, as_json: bool = False) -> int:
-    """Print a usage error in the command line library's words, and as JSON with --json; return the
-    exit status."""
+    """Print a usage error in the command line library's words, with --json also as JSON. Return the
+    exit status.
+    """
     from palpate.cli.console import print_failure, printing
     from palpate.common.display import visible
 

@@ -1,5 +1,4 @@
-"""Options of the commands: those of the settings, made from their fields, and those that several
-commands share."""
+"""Options of the commands: those made from the fields of the settings, and shared ones."""
 
 from __future__ import annotations
 
@@ -16,7 +15,7 @@ from palpate.common.extensions import Declared, iter_options
 from palpate.runs.settings import Settings
 
 Given = dict[str, Any]
-"""Fields of `Settings` as a command was given them, nested as they are there."""
+"""Fields of `Settings` given to a command, nested as in the settings."""
 
 SCENE = ("poses", "root", "robot_body", "arm")
 MOTION = (
@@ -58,7 +57,7 @@ EstimatorNames = Annotated[
 
 @dataclass(frozen=True)
 class WatchOptions:
-    """Observers of a run beside the terminal."""
+    """Observers of a run in addition to the terminal."""
 
     PANEL: ClassVar[str] = "Watching"
 
@@ -85,12 +84,14 @@ _DECLARED = tuple(iter_options(Settings))
 
 @dataclass(frozen=True)
 class FromSettings:
-    """Annotation of a command's parameter: it takes these fields of the settings as options.
+    """Annotation of a command's parameter: the command takes these fields of the settings as
+    options.
 
     Attributes:
-        names: fields, a dot before those of a nested one, `model_settings.base_url`; a nested one's
-            own name stands for all of its options.
-        defaults: values of fields that are not as in the settings.
+        names: fields, with a dot before those of a nested one, `model_settings.base_url`; the name
+        of
+            a nested one alone includes all of its options.
+        defaults: values of fields that differ from those in the settings.
     """
 
     names: tuple[str, ...]
@@ -99,6 +100,7 @@ class FromSettings:
     def parameters(self) -> Iterator[Parameter]:
         """Parameters from which typer makes the options."""
         for one in self._chosen():
+            # Lists and settings without a default are None if they are not given.
             several = get_origin(one.kind) in (tuple, frozenset) or one.kind is Any
             unset = None if several or one.field.default is MISSING else one.field.default
             yield Parameter(
@@ -109,11 +111,13 @@ class FromSettings:
             )
 
     def gather(self, values: dict[str, Any]) -> Given:
-        """Take these fields out of a command's arguments; lists that were not given are left out."""
+        """Take these fields out of a command's arguments. Lists that were not given are left
+        out."""
         found: Given = {}
         for name in (one.name for one in self._chosen()):
             value = values.pop(_flat(name))
             if value is not None:
+                # Rebuild the nesting from the dotted name.
                 *outer, last = name.split(".")
                 inner = found
                 for part in outer:
@@ -129,12 +133,12 @@ class FromSettings:
 
 
 def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSettings:
-    """Annotation of a parameter that takes fields of the settings as options."""
+    """Annotate a parameter that takes fields of the settings as options."""
     return FromSettings(names, defaults or {})
 
 
 def one_scene(argument: Path | None, given: Given) -> Given:
-    """Return the fields with the scene that was given as an argument.
+    """Add the scene that was given as an argument to the fields.
 
     Raises:
         InputError: two scenes.
@@ -147,11 +151,11 @@ def one_scene(argument: Path | None, given: Given) -> Given:
 
 
 def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict[str, str]:
-    """Parse the `QUANTITY=WORD` entries of an option, by quantity; `word` is the placeholder in its
+    """Parse the `QUANTITY=WORD` entries of an option, by quantity. `word` is the placeholder in its
     help.
 
     Raises:
-        InputError: an entry that is none.
+        InputError: an entry of another form.
     """
     found: dict[str, str] = {}
     for entry in entries:
@@ -163,12 +167,13 @@ def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict
 
 
 def _flat(name: str) -> str:
-    """Name of the parameter of a field; no parameter of a command is called so."""
+    """Name of the parameter of a field, different from all parameters of commands."""
     return f"setting_{name.replace('.', '__')}"
 
 
 def _kind(hint: Any) -> Any:
-    """Type of an option for typer: several values are a list, `QUANTITY=VALUE` entries are texts."""
+    """Type of an option for typer: several values are a list, `QUANTITY=VALUE` entries are
+    texts."""
     if get_origin(hint) in (tuple, frozenset):
         return list[get_args(hint)[0]] | None
     return list[str] | None if hint is Any else hint

@@ -1,4 +1,4 @@
-"""The vocabulary as a page of the documentation, which `make docs` writes."""
+"""The vocabulary as a page of the documentation, written by `make docs`."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ Generated from the declarations by `make docs`. A plan is made of these primitiv
 
 
 def page(words: Vocabulary) -> str:
-    """The page's Markdown."""
+    """Write the page's Markdown."""
     return "\n".join(_parts(words)) + "\n"
 
 

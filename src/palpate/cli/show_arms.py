@@ -1,4 +1,4 @@
-"""Results about an arm or a camera: calibration, dynamics, noise, poses."""
+"""Output of results about an arm or a camera: calibration, dynamics, noise, poses."""
 
 from __future__ import annotations
 
@@ -89,7 +89,7 @@ NOT_OBSERVABLE = "not observable"
 
 
 def mass_of(hand: str) -> float | None:
-    """kg of `--hand`; None: to be found.
+    """Parse `--hand`, kg; None means that the mass is to be identified.
 
     Raises:
         InputError: neither `found` nor a mass.
@@ -113,6 +113,7 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         if as_json:
             print_json({**found.record(), "files": [str(path) for path in written]})
             return
+        # Figures of the joints, then the hand, then the held-out torques.
         table = figure_table("joint", *FIGURES.values())
         for i in range(len(found.arm.joints)):
             cells = [_figure_cell(getattr(found, name), i) for name in FIGURES]
@@ -127,6 +128,7 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
             else:
                 centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
                 out.print(f"its centre of mass {centre} mm from the TCP, along x y z", markup=False)
+        # Root mean square of each joint and over all joints, for each model.
         title = f"torque left in the last {found.held_out:.0f} s, N m rms, joints 1 to 7"
         held_out = figure_table(
             "model", *(str(i + 1) for i in range(len(found.arm.joints))), "all", title=title
@@ -149,7 +151,7 @@ def _figure_cell(figure: JointFigure, joint: int) -> str:
     return f"{figure.value[joint]:.2f} ± {figure.std[joint]:.2f}"
 
 
-# Noise of an arm beside the noise models, as a table or as JSON.
+# Noise of an arm compared with the noise models, as a table or as JSON.
 
 
 TITLES = {
@@ -184,6 +186,7 @@ def show_noise(found: ArmNoise, written: Path | None, as_json: bool) -> None:
             out.print(note, markup=False)
         models = found.models
         _line("joint", [str(i + 1) for i in range(len(found.arm.joints))], "dim")
+        # For each figure: the arm, its half width, and the models that state it.
         for name, figure in found.figures.items():
             title, factor = TITLES[name]
             out.print(title, style="bold", highlight=False)
@@ -192,6 +195,7 @@ def show_noise(found: ArmNoise, written: Path | None, as_json: bool) -> None:
             if set(halves) - {NO_FIGURE, "0.0000"}:
                 _line("± (95 %)", halves, "dim")
             for model, stated in models.items():
+                # The count of cycles needs a ripple.
                 rippled = name != "cycles" or any(stated["ripple"])
                 if any(stated.get(name, ())) and rippled:
                     _line(model, [_noise_cell(x, factor) for x in stated[name]])
@@ -201,13 +205,13 @@ def show_noise(found: ArmNoise, written: Path | None, as_json: bool) -> None:
 
 
 def _line(label: str, cells: list[str], style: str = "") -> None:
-    """Print a row of one figure a joint."""
+    """Print a row with one figure per joint."""
     row = f"  {label:<{LABEL - 2}}" + "".join(f"{cell:>{CELL}}" for cell in cells)
     out.print(row, style=style, highlight=False, markup=False, soft_wrap=True)
 
 
 def _noise_cell(value: float, factor: float) -> str:
-    """Write a figure with two or three digits."""
+    """Format a figure with two or three digits."""
     value *= factor
     if math.isnan(value) or value == 0.0:
         return NO_FIGURE
@@ -220,7 +224,7 @@ def _noise_cell(value: float, factor: float) -> str:
 
 
 def show_seen(seen: Seen, written: Path | None, as_json: bool) -> None:
-    """Print where every object was seen, and what was not."""
+    """Print the pose of every object that was seen, and the names of the others."""
     with printing():
         if as_json:
             rest = {"unseen": list(seen.unseen), "notes": list(seen.notes), "noise_px": seen.noise}
@@ -233,8 +237,10 @@ def show_seen(seen: Seen, written: Path | None, as_json: bool) -> None:
 
 
 def confirm_seen(ask: bool) -> Callable[[Seen], bool]:
-    """Callback that shows what a camera saw before it is planned with, and asks where a real robot will move
-    by it; no answer is a no."""
+    """Make a callback that shows a look before the plan.
+
+    It asks for confirmation if a real robot will move by it; no answer means no.
+    """
 
     def confirm_look(seen: Seen) -> bool:
         console = SafeConsole(stderr=True, highlight=False) if ask else err
@@ -250,7 +256,7 @@ def confirm_seen(ask: bool) -> Callable[[Seen], bool]:
 
 
 def _picture(png: bytes) -> Path:
-    """A file to look at before there is a run folder."""
+    """Write a picture to a temporary file, because there is no run folder yet."""
     with NamedTemporaryFile(prefix="palpate-seen-", suffix=".png", delete=False) as file:
         file.write(png)
     return Path(file.name)
@@ -279,7 +285,7 @@ def _remark(seen: Seen, console: SafeConsole) -> None:
 
 
 def show_sheet(file: Path, pages: int) -> None:
-    """Say where the tags are."""
+    """Print the path of the tags."""
     out.print(
         f"{pages} page{'s' * (pages > 1)} written to {file}; print at 100 %, and measure the line of 100 mm",
         markup=False,

@@ -1,4 +1,4 @@
-"""Tables whose figures stay whole in any width of terminal, and the next command to copy."""
+"""Tables whose figures stay unbroken in any width of terminal, and the next command to copy."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from palpate.cli.console import escape, out
 from palpate.runs.report.console import SafeConsole
 
 NARROWEST = 14
-"""Least width of a column of words, in characters; below it the table becomes a list."""
+"""Characters: least width of a column of words. Below it the table becomes a list."""
 UNLIMITED = 10_000
 """Characters of a line in a pipe or a file."""
 
@@ -28,8 +28,10 @@ class TableColumn:
     """Column of a table.
 
     Attributes:
+        heading: its name.
         words: its cells may be broken between words; figures, names and verdicts never are.
         right: aligned to the right, digits below each other.
+        style: of rich.
     """
 
     heading: str
@@ -39,7 +41,7 @@ class TableColumn:
 
 
 def width() -> int:
-    """Return the characters of a line: of the terminal, or `COLUMNS`; unlimited in pipes and files."""
+    """Characters of a line: of the terminal, or `COLUMNS`; unlimited in pipes and files."""
     if out.is_terminal or os.environ.get("COLUMNS"):
         return out.width
     return UNLIMITED
@@ -48,8 +50,11 @@ def width() -> int:
 def print_rows(
     columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], title: str = ""
 ) -> None:
-    """Print rows as a table if the line is wide enough, words broken as needed; else as a list with a
-    line per cell. Cells are rich markup or text."""
+    """Print rows as a table, or as a list with a line per cell.
+
+    The table is used if the line is wide enough for it, with words broken as needed. Cells are rich
+    markup or text.
+    """
     room = width()
     table = _table(columns, rows, title)
     natural = _natural(table)
@@ -80,13 +85,14 @@ def _table(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], title
 
 
 def _natural(thing: RenderableType) -> int:
-    """Width of a renderable in characters without line breaks."""
+    """Width of a renderable without line breaks, in characters."""
     wide = SafeConsole(width=UNLIMITED)
     return Measurement.get(wide, wide.options, thing).maximum
 
 
 def _fits(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], room: int) -> bool:
-    """Test that the table fits into `room` characters with its words broken."""
+    """True if the table fits into `room` characters with its words broken."""
+    # A column of words needs at most `NARROWEST` characters, all others their longest cell.
     needed = 0
     for place, column in enumerate(columns):
         cells: list[Cell] = [column.heading, *(row[place] for row in rows)]
@@ -96,11 +102,12 @@ def _fits(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], room: 
 
 
 def _print_item(columns: Sequence[TableColumn], row: Sequence[Cell], room: int) -> None:
-    """Print the first cell, and the others below it with their headings."""
+    """Print the first cell, and below it the others with their headings."""
     console = SafeConsole(highlight=False, width=room)
     first, *others = (_text(cell) for cell in row)
     first.stylize(columns[0].style or "bold")
     console.print(first)
+    # Align the cells behind the longest heading.
     indent = 2 + max((len(column.heading) for column in columns[1:]), default=0) + 2
     for column, cell in zip(columns[1:], others, strict=True):
         if not cell.plain:

@@ -25,7 +25,9 @@ if TYPE_CHECKING:
 
 
 def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
-    """Print a plan: parameters, tree in the paper's notation, explanation, findings; also to a file."""
+    """Print a plan: parameters, tree in the paper's notation, explanation, findings. Write it to a
+    file as well.
+    """
     from palpate.runs.result import plan_text
 
     text = plan_text(plan.made)
@@ -59,7 +61,7 @@ def print_plan(plan: Plan, console: Console) -> None:
 
 
 def understood(plan: Plan) -> str:
-    """Word a proposal: "I understand: mass of red_can. Not used: 'for my paper'."."""
+    """Word a proposal, as "I understand: mass of red_can.", with the words that are not used."""
     labels = [f"{one.quantity} of {one.object}" for one in plan.proposal]
     said = f"I understand: {', '.join(labels)}."
     if plan.not_used:
@@ -68,8 +70,9 @@ def understood(plan: Plan) -> str:
 
 
 def show_proposal(run: Run) -> None:
-    """Print the proposal of a rejected plan, if there is one, and the command that accepts it."""
+    """Print the proposal of a rejected plan, if any, and the command that accepts it."""
     if run.plan.proposal:
+        # The accepted command has the parameters instead of the request.
         out.prose(f"\n{escape(understood(run.plan))}")
         accepted = run.settings.having(request=None, measure=run.plan.proposal)
         show_next("measure that", running(accepted))

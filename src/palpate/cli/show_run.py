@@ -32,13 +32,15 @@ if TYPE_CHECKING:
 
 
 MANY_MOTIONS = 4
-"""Number of agreeing motions above which they are summed up in one line."""
+"""Count of agreeing motions above which one line summarizes them."""
 
 
 @contextmanager
 def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
-    """Show the run on stderr and on other views; yield the observer and the callback that names the
-    present stage."""
+    """Show the run on stderr and on other views.
+
+    Yield the observer, and the callback for the name of the present stage.
+    """
     from palpate.runs.report.live_terminal import LiveTree, SeveralViews
 
     with LiveTree(err) as live:
@@ -48,7 +50,7 @@ def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str],
 
 @contextmanager
 def live_page(wanted: bool) -> Generator[LivePage | None]:
-    """Serve the live page if it is wanted.
+    """Serve the live page if it is requested.
 
     Raises:
         Unavailable: viser is not installed, or the page cannot be served.
@@ -69,7 +71,7 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
 
 @contextmanager
 def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
-    """Open the port that Groot2 connects to if it is wanted.
+    """Open the port for Groot2 if it is requested.
 
     Raises:
         Unavailable: pyzmq is not installed, or the port is taken.
@@ -85,7 +87,7 @@ def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
 
 
 def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
-    """Pace of a real arm for a simulated one that somebody watches on the page or in Groot2."""
+    """Slow a simulated arm down to real time, if a person watches it on the page or in Groot2."""
     from palpate.runs.report.live_terminal import RealTime
 
     watched = wanted.live or wanted.groot
@@ -93,7 +95,7 @@ def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
 
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
-    """Replay the finished run on the page until it is closed or Ctrl-C is pressed."""
+    """Offer the finished run for playback on the page until it is closed or Ctrl-C is pressed."""
     page.finished(run)
     err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
     while not page.closed and not signals.pressed():
@@ -107,13 +109,15 @@ def show_plan_early(run: Run) -> None:
 
 
 def confirm_plan(run: Run) -> bool:
-    """Ask for permission to move; no answer is a no."""
+    """Ask for permission to move; no answer means no."""
     question = f"Let {visible(str(run.settings.robot))} move? (--yes skips this question)"
     return ask_yes_no(question)
 
 
 def confirm_proposal(run: Run) -> bool:
-    """Show what a request may mean and ask whether to measure that; without a terminal it is not."""
+    """Show a possible meaning of a request, and ask for permission to measure it. Without a
+    terminal it is refused.
+    """
     if not sys.stdin.isatty():
         return False
     err.prose(escape(understood(run.plan)))
@@ -121,7 +125,7 @@ def confirm_proposal(run: Run) -> bool:
 
 
 def confirm_resuming(why: str) -> bool:
-    """Ask whether a stopped robot may go on; without a terminal it may not."""
+    """Ask for permission to continue after a stop; without a terminal it is refused."""
     if not sys.stdin.isatty():
         return False
     err.print(visible(why), markup=False)
@@ -129,7 +133,8 @@ def confirm_resuming(why: str) -> bool:
 
 
 def unless(yes: bool, ask: Confirm) -> Confirm:
-    """Callback that asks for permission to move, unless it was given beforehand (`--yes`)."""
+    """Make a callback that asks for permission to move, unless it was given beforehand
+    (`--yes`)."""
 
     def may_move(run: Run) -> bool:
         return yes or ask(run)
@@ -138,7 +143,7 @@ def unless(yes: bool, ask: Confirm) -> Confirm:
 
 
 def resuming(progress: Progress) -> Callable[[str], bool]:
-    """Callback that shows that the robot stopped, and asks whether it may go on."""
+    """Make a callback that shows the stop of the robot and asks for permission to continue."""
 
     def may_resume(why: str) -> bool:
         progress("the robot was stopped")
@@ -148,7 +153,7 @@ def resuming(progress: Progress) -> Callable[[str], bool]:
 
 
 def warn_of_drawn_truth(settings: Settings) -> None:
-    """Warn before the run if the values to be measured will be drawn at random."""
+    """Warn before the run if the true values will be drawn at random."""
     if settings.world is None and settings.robot is None and settings.scene is not None:
         err.prose(
             "[bold yellow]simulated[/] without --robot or --world: values that the scene does not state are "
@@ -157,7 +162,7 @@ def warn_of_drawn_truth(settings: Settings) -> None:
 
 
 class ValuesFirst:
-    """Callback that prints the values as soon as they are final, before twin, film and report.
+    """Callback that prints the values when they are final, before twin, film and report.
 
     Attributes:
         shown: the values were printed.
@@ -168,7 +173,7 @@ class ValuesFirst:
         self._as_json = as_json
 
     def __call__(self, run: Run) -> None:
-        """Print the values of `run`; with --json on stderr, a line each."""
+        """Print the values of `run`; with --json as lines on stderr."""
         if self._as_json:
             for estimate in run.estimates:
                 err.print(escape(f"final: {repr(estimate).strip('<>')}"), soft_wrap=True)
@@ -180,8 +185,10 @@ class ValuesFirst:
 
 
 def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
-    """Print the result on stdout, without values that were shown already, and its shortfalls on
-    stderr, a line each; return the exit status."""
+    """Print the result on stdout and its shortfalls on stderr, a line each; return the exit status.
+
+    `values_shown` leaves out the values, which were printed before.
+    """
     with printing():
         show_run(run, as_json, values_shown)
     for line in run.shortfalls:
@@ -190,7 +197,7 @@ def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
     if run.interrupted is not None:
         say(f"{run.interrupted}{kept}: `palpate report` finishes it")
     elif run.status == "aborted" and run.execution is not None:
-        # The table above has the reason already.
+        # The table above already contains the reason.
         why = f": {run.execution.stopped_by}" if as_json else ""
         say(f"stopped{why}{kept}")
     return EXIT[run.status]
@@ -214,7 +221,8 @@ def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
 
 
 def _show_nothing_missing(run: Run) -> None:
-    """Print that nothing is missing, and the explanation less what the notes repeat."""
+    """Print that nothing is missing, and the part of the explanation that the notes do not
+    repeat."""
     explanation = run.plan.explanation
     for note in (*run.plan.notes, "Nothing is missing."):
         explanation = explanation.replace(note, "")
@@ -260,9 +268,10 @@ def _show_estimates(run: Run) -> None:
 
 
 def _show_held_out(run: Run) -> None:
-    """Print the held-out validation: a line per motion, one line for many that agree."""
+    """Print the held-out validation: a line per motion, or one line for many that agree."""
     if run.held_out is None:
         return
+    # Summarize many agreeing motions by the worst of them.
     agreeing = [motion for motion in run.held_out.motions if motion.agrees]
     if len(agreeing) > MANY_MOTIONS:
         worst = max(motion.rms for motion in agreeing)
@@ -270,6 +279,7 @@ def _show_held_out(run: Run) -> None:
             f"[green]validation agrees[/] {len(agreeing)} held-out motions: predicted to "
             f"{significant(1e3 * worst, 2)} mN·m or better",
         )
+    # Print the others one by one.
     for motion in run.held_out.motions:
         if motion.agrees and len(agreeing) > MANY_MOTIONS:
             continue
@@ -309,7 +319,7 @@ def _show_setbacks(run: Run) -> None:
 
 
 def _show_world(run: Run) -> None:
-    """Print that the values come from a simulation, and whether its truth was drawn at random."""
+    """Print that the values come from a simulation, and if its truth was drawn at random."""
     if run.simulated and run.world is not None:
         where = escape(run.world.removeprefix("simulated").strip())
         out.prose(f"[bold yellow]simulated[/] {where}")

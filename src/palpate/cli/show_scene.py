@@ -1,4 +1,4 @@
-"""Bundled scenarios, vocabulary, and parameters of a scene."""
+"""Output of bundled scenarios, vocabulary, and parameters of a scene."""
 
 from __future__ import annotations
 
@@ -93,7 +93,7 @@ GAP = (
 
 
 def show_gap(scene: Scene, as_json: bool) -> None:
-    """Print what is known and what is missing, body by body, with the next command."""
+    """Print known and missing parameters, body by body, with the next command."""
     from palpate.runs.tools import units
 
     if as_json:
@@ -155,7 +155,7 @@ def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
 
 
 def show_scaffold(made: Scaffold, as_json: bool) -> None:
-    """The files of a new scene, and what to do next."""
+    """Print the files of a new scene, and the next steps."""
     if as_json:
         files = {"scene": str(made.scene), "poses": str(made.poses)}
         print_json(files | {"objects": list(made.objects)})

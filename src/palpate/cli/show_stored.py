@@ -29,15 +29,18 @@ COLUMNS = (
     TableColumn("verdict"),
 )
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
-"""Colours of verdicts; all others are red."""
+"""Colours of verdicts. All others are red."""
 
 
 def show_estimates(
     estimates: Iterable[Estimate], truth: Mapping[Parameter, Sequence[float]] | None = None
 ) -> None:
-    """Print the table, with a column of the truth if it is known, and below it contradictions and the
-    reasons for missing values."""
+    """Print the table, and below it contradictions and the reasons for missing values.
+
+    A column has the truth if it is known.
+    """
     estimates = tuple(estimates)
+    # One row for each component.
     columns, rows = list(COLUMNS), [row for one in estimates for row in estimate_rows(one)]
     if truth:
         columns.append(TableColumn("truth", style="dim"))
@@ -51,7 +54,9 @@ def show_estimates(
 
 
 def show_objection(estimate: Estimate) -> None:
-    """Print the contradiction of an estimate, or why it has no value or is prior-dominated, with the axes."""
+    """Print the contradiction of an estimate, or the reason for a missing or prior-dominated value,
+    with the axes.
+    """
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
         out.prose(f"[bold red]contradicted[/] {name}: {escape(in_flags(estimate.contradiction))}")
@@ -81,8 +86,9 @@ def _verdict(verdict: str) -> str:
 
 
 def _truth_cells(estimate: Estimate, truth: Sequence[float]) -> list[str]:
-    """Truth of an estimate, a cell for each of its rows."""
+    """Cells of the truth of an estimate, one for each of its rows."""
     count = max(len(estimate.values), 1)
+    # A truth of another size, as without a value, is put into the first row.
     if len(truth) == count:
         return [f"{value:.5g}" for value in truth]
     together = " ".join(f"{value:.5g}" for value in truth)
@@ -102,7 +108,7 @@ COMPARED = (
     VERDICT,
 )
 FAR = 1.96
-"""Standard deviations that chance exceeds in 5 % of differences; larger ones are highlighted."""
+"""Standard deviations: chance exceeds it in 5 % of differences. Larger ones are highlighted."""
 
 
 def show_comparison(comparison: Comparison, as_json: bool) -> None:
@@ -116,6 +122,7 @@ def show_comparison(comparison: Comparison, as_json: bool) -> None:
     rows = [cells for row in every for cells in _cells(row)]
     if not rows:
         out.print("none of these runs made an estimate")
+    # Leave out the verdicts if all are identified.
     elif all(row.estimate is None or row.estimate.identified for row in every):
         print_rows(COMPARED[:-1], [row[:-1] for row in rows])
     else:
@@ -139,7 +146,7 @@ def _cells(row: ComparedEstimate) -> list[list[str]]:
 
 
 def _format_differences(row: ComparedEstimate) -> dict[int, tuple[str, str]]:
-    """Difference, and difference in standard deviations, by component."""
+    """Format the difference, and the difference in standard deviations, by component."""
     if row.difference is None or row.std is None or row.z is None:
         return {}
     values, stds = rounded_columns(row.difference, row.std)
@@ -158,7 +165,7 @@ PAGE = "report.html"
 
 
 def show_report(folder: Path) -> None:
-    """Open the report in the browser and print its path, which also serves without a browser.
+    """Open the report in the browser, and print its path for use without a browser.
 
     Raises:
         InputError: there is no such page.
@@ -180,7 +187,7 @@ def show_report(folder: Path) -> None:
 
 
 def show_how(arm: str, out_file: Path | None) -> None:
-    """Write a motion that excites a load, and print what to record with it.
+    """Write a motion that excites a load, and print the instructions for its recording.
 
     Raises:
         InputError: there is no such arm, or the file exists or cannot be written.
@@ -200,6 +207,7 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
         print_json(fusion_json(fusion, fusion.folder))
         return
     rows: list[list[str]] = []
+    # For each parameter: the estimates of the runs, then the fused one.
     for estimate in fusion.estimates:
         for name, run in zip(fusion.names, fusion.runs, strict=True):
             for one in run.estimates:
@@ -218,7 +226,7 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
 
 
 def show_export(run: Run, export: Export, as_json: bool) -> None:
-    """Print the place of each estimate in the export, and other changes."""
+    """Print which estimates the export contains, and other changes."""
     from palpate.runs.export import export_json
 
     if as_json:
@@ -241,7 +249,7 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
 
 
 def show_proof(proof: Proof, as_json: bool) -> None:
-    """Print how far from its goal each task ends."""
+    """Print the final distance of each task from its goal."""
     from palpate.runs.export import proof_json
 
     if as_json:

@@ -1,4 +1,4 @@
-"""Results of the studies: estimates over many seeds, effort of two planners, trials of planners."""
+"""Output of the studies: estimates over many seeds, effort of two planners, trials of planners."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from palpate.studies.trials import ConfigurationRow, TrialRecord, by_scenario, t
 
 SUMMARY = ("parameter", "truth", "bias", "SD", "stated", "1-shot", "in 95 %", "known")
 SUMMARY_WIDTH = 80
-"""Characters of its narrowest form."""
+"""Characters of the narrowest table."""
 EFFORT = (
     TableColumn("scenario"),
     TableColumn("exhaustive", right=True),
@@ -34,7 +34,7 @@ EFFORT = (
 
 
 def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: bool) -> None:
-    """Estimates against the truth, scenario by scenario."""
+    """Print estimates against the truth, scenario by scenario."""
     if as_json:
         scenarios = [_seed_runs_json(name, found) for name, found in runs.items()]
         print_json({"title": title, "scenarios": scenarios})
@@ -47,10 +47,11 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
 
 
 def _summary_table(runs: Sequence[SeedRun]) -> Table:
-    """Table of the summaries; in a narrow terminal names are broken, never figures."""
+    """Make the table of the summaries. In a narrow terminal names are broken, never figures."""
     rows = [_summary_cells(row) for row in summarise(runs)]
     table = figure_table(*SUMMARY)
     table.padding = (0, 1, 0, 0)
+    # Only the names may be broken; the other columns keep the width of their longest figure.
     names, *figures = table.columns
     names.overflow = "fold"
     for place, column in enumerate(figures, start=1):
@@ -91,7 +92,7 @@ def _figure(value: float | None, form: str) -> str:
 
 
 def _endings_text(runs: Sequence[SeedRun]) -> str:
-    """Ends of the runs, and their effort."""
+    """Format the ends of the runs, and their effort."""
     ended = ", ".join(f"{count} {status}" for status, count in _statuses(runs).items())
     return f"{ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
 
@@ -107,7 +108,7 @@ def _robot_seconds(runs: Sequence[SeedRun]) -> float:
 def show_comparisons(
     rows: Sequence[PlannerComparison], paper: PublishedEffort, as_json: bool
 ) -> None:
-    """Both planners' effort, and what intent saves."""
+    """Print the effort of both planners, and the time that intent saves."""
     if as_json:
         print_json({"scenarios": [_comparison_json(row) for row in rows]})
         return
@@ -140,7 +141,7 @@ def _comparison_json(row: PlannerComparison) -> dict[str, Any]:
 
 
 def _seed_run_json(run: SeedRun) -> dict[str, Any]:
-    """A run with its estimates under the name that scripts know."""
+    """A run with its estimates under the name in the JSON contract."""
     fields = asdict(run)
     fields["trials"] = fields.pop("estimates")
     return fields
@@ -161,8 +162,10 @@ PAPER = TableColumn("paper: syntax, success")
 def show_trials(
     records: Sequence[TrialRecord], published: Mapping[str, str], as_json: bool
 ) -> None:
-    """Rates with their 95 % Wilson intervals, beside the published syntax and success; where there
-    are several scenarios, each of them below."""
+    """Print rates with their 95 % Wilson intervals, next to the published syntax and success.
+
+    With several scenarios, the rates of each are printed below.
+    """
     rows = table(records)
     single = by_scenario(records)
     if as_json:
@@ -177,7 +180,7 @@ def show_trials(
 
 
 def _show_rows(rows: Sequence[ConfigurationRow], last: TableColumn, cells: Sequence[str]) -> None:
-    """Rows of trials, with one more column."""
+    """Print rows of trials with an additional last column."""
     shown: list[list[Cell]] = []
     for row, cell in zip(rows, cells, strict=True):
         shown.append([*_row_cells(row), Text(cell)])

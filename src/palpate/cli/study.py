@@ -53,12 +53,12 @@ OfTrials = Annotated[
         defaults={ROUNDS: 0},
     ),
 ]
-"""Options of all trials in a study of planners; the paper has no rounds of feedback."""
+"""Options of all trials in a study of planners. The paper has no rounds of feedback."""
 
 
 @dataclass(frozen=True)
 class SeedOptions:
-    """Seeds of a study, its processes, and the folder of its rows."""
+    """Seeds of a study, its workers, and the folder of its rows."""
 
     seeds: Annotated[int, typer.Option("--seeds", min=1)] = 20
     first_seed: Annotated[int, typer.Option("--first-seed", help="The first one.", min=0)] = 0
@@ -95,7 +95,7 @@ class SeedOptions:
             ticker.end()
 
     def page(self) -> None:
-        """Write the page of everything in the folder, if there is a folder."""
+        """Write the page of all rows in the folder, if there is a folder."""
         from palpate.studies.accuracy_page import write_page
 
         if self.out is not None and (page := write_page(self.out)):
@@ -103,7 +103,7 @@ class SeedOptions:
 
 
 def conditions(given: Given) -> Conditions:
-    """Conditions for the studies of planners."""
+    """Make the conditions for the studies of planners."""
     from palpate.studies.attempt import Conditions
 
     asked = settings_of(**given)
@@ -236,7 +236,8 @@ def _show_trials(
     prompt: list[str] | None,
     as_json: bool,
 ) -> None:
-    """Carry out a study of planners, write its page, print its table beside the published one."""
+    """Carry out a study of planners, write its page, and print its table next to the published
+    one."""
     from palpate.cli.show_studies import show_trials
 
     asked, prompts = conditions(shared), prompt or ["full"]
@@ -247,7 +248,7 @@ def _show_trials(
 
 @contextmanager
 def _page_beside(results: Path) -> Generator[None]:
-    """Write the page of trials beside their file, also after an error."""
+    """Write the page of trials into the folder of their file, also after an error."""
     from palpate.studies.planners_page import write_page
 
     try:

@@ -19,12 +19,13 @@ if TYPE_CHECKING:
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
 FARTHEST = 5.0
-"""Largest distance from the arm's base, m; beyond it a unit is missing or wrong."""
+"""m: largest distance from the arm's base. Beyond it a unit is missing or wrong."""
 _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 
 def give_lesson(asked: Settings, file: Path) -> None:
-    """Read lines from stdin, print what was understood and what is still missing, write the file.
+    """Read lines from stdin, print their interpretation and the missing objects, and write the
+    file.
 
     Raises:
         InputError: the file exists.
@@ -38,6 +39,7 @@ def give_lesson(asked: Settings, file: Path) -> None:
     hand = None if asked.robot is None else guided_hand(asked.robot, taught)
     try:
         _introduce(taught, hand is not None)
+        # Enter one pose a line; an error is printed, and the next line is read.
         for line in _lines():
             try:
                 said = (
@@ -50,6 +52,7 @@ def give_lesson(asked: Settings, file: Path) -> None:
             err.print(said, markup=False)
             _tell_missing(taught)
     except KeyboardInterrupt:
+        # An interrupted lesson keeps the poses so far.
         if taught.content:
             write_poses(file, taught)
             err.print(f"interrupted: what was taught so far is written to {file}", markup=False)
@@ -79,7 +82,7 @@ def _introduce(taught: Lesson, by_hand: bool) -> None:
 
 
 def _lines() -> Iterator[str]:
-    """Lines from stdin up to an empty one."""
+    """Yield the lines of stdin up to an empty one."""
     while True:
         err.print("> ", end="")
         line = sys.stdin.readline()

@@ -39,7 +39,7 @@ class Conditions:
         images: pictures of the workspace, instead of the scenario's own.
         noise: noise model of the simulated robot.
         model_settings: of the requests to models; the paper gives no feedback.
-        beside: a file in whose folder pictures of simulated worlds are saved; None for no pictures.
+        beside: file in whose folder pictures of simulated worlds are saved; None for no pictures.
     """
 
     images: tuple[Path, ...] = ()
@@ -167,7 +167,7 @@ def has_valid_syntax(run: Run) -> bool:
 
 
 def compiles(plan: Plan, scene: Scene) -> bool:
-    """py_trees accepts the plan's tree; True for a plan without a tree."""
+    """True if py_trees accepts the plan's tree, or if the plan has none."""
     from palpate.execution.leaf import build
 
     if plan.tree is None:

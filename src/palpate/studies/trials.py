@@ -212,7 +212,10 @@ class ConfigurationRow:
     """Row of a results table: trials of one prompt configuration with one planner.
 
     Attributes:
-        success: None if nothing was judged.
+        configuration: of the prompt.
+        planner: planner string.
+        syntax, valid: rates of all trials.
+        success: rate of the judged trials; None if none was judged.
         tokens: mean of a trial.
         cost: US dollars of all trials together; None if an answer has no known price.
         asked: planner, prompt style and critic, as a label.
@@ -238,7 +241,7 @@ def table(records: Iterable[TrialRecord]) -> list[ConfigurationRow]:
 
 
 def by_scenario(records: Iterable[TrialRecord]) -> list[ConfigurationRow]:
-    """Make a row as `table` does, for each scenario."""
+    """Make the rows of `table` for each scenario."""
     groups = group_records(
         records, lambda r: (r.trial.scenario, r.trial.configuration, r.trial.asked)
     )
@@ -256,12 +259,13 @@ def group_records(
 
 
 def success_rate(records: Iterable[TrialRecord]) -> Rate | None:
-    """Rate of success of the judged trials; None without any."""
+    """Rate of success of the judged trials; None if none was judged."""
     judged = [record.success for record in records if record.success is not None]
     return Rate.of(judged) if judged else None
 
 
 def summary_row(records: Sequence[TrialRecord]) -> ConfigurationRow:
+    # The total cost is known only if every answer has a price.
     costs = [record.cost for record in records]
     priced = [cost for cost in costs if cost is not None]
     scenarios = {record.trial.scenario for record in records}

@@ -105,7 +105,7 @@ def _link(data: Any, body: int) -> ChainLink:
 def _inertial(
     document: Document, data: Any, body: int, change: Array, anchor: Array
 ) -> Iterator[Change]:
-    """Changes that add parameters (10,) about an anchor (3,) to those of a body."""
+    """Yield the changes that add parameters (10,), about an anchor (3,), to those of a body."""
     # Add the change to mass, first moments and inertia about the anchor; skip a mass of zero or
     # less.
     old = parameters([_link(data, body)], anchor)
