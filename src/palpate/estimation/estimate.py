@@ -22,14 +22,14 @@ if TYPE_CHECKING:
 
 
 FALSE_ALARM = 1e-4
-"""Probability that one test of fit fails although the model holds: an estimate has up to ten, and some thousand
-valid estimates in a row shall stay identified. Sensitive: no."""
+"""Probability that one test of fit fails although the model holds. An estimate has up to ten tests, and about a
+thousand valid estimates in a row should stay identified. Sensitive: no."""
 
 
 KNOWN = 1_000_000_000
-"""Degrees of freedom of a variance that is known."""
+"""Degrees of freedom of a known variance."""
 OUTSIDE = 0.05
-"""Probability that a one-sided limit leaves out."""
+"""Probability outside a one-sided limit."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,10 +37,10 @@ class FitTest:
     """Goodness-of-fit test: a statistic against its limit.
 
     Attributes:
-        name: what was looked at, e.g. `up against down`.
-        statistic: how far it is from agreeing.
-        limit: up to where it agrees.
-        finding: what disagrees, one sentence for people; said where the test fails.
+        name: subject of the test, e.g. `up against down`.
+        statistic: size of the deviation.
+        limit: largest statistic that passes.
+        finding: one sentence for people on the deviation; shown where the test fails.
     """
 
     name: str
@@ -50,18 +50,17 @@ class FitTest:
 
     @property
     def passed(self) -> bool:
-        """The statistic is within its limit; NaN is not."""
+        """True if the statistic is within its limit; a NaN is not."""
         return bool(self.statistic <= self.limit)  # numpy's bool is not JSON serializable
 
 
 def chi_squared(
     name: str, statistic: float, freedom: int, finding: str, noise_freedom: float = KNOWN
 ) -> FitTest:
-    """A sum of `freedom` squares, each of unit variance where the model holds; chance exceeds it
-    with probability `FALSE_ALARM`.
+    """Chi-squared test of a sum of `freedom` squares, each of unit variance where the model holds.
 
-    That variance was itself estimated, with `noise_freedom` degrees of freedom: the sum over
-    `freedom` then is of an F distribution.
+    Chance exceeds the limit with probability `FALSE_ALARM`. The variance was itself estimated with `noise_freedom`
+    degrees of freedom, so that the sum over `freedom` has an F distribution.
     """
     from scipy.special import fdtri
 
@@ -71,14 +70,14 @@ def chi_squared(
 
 @dataclass(frozen=True, slots=True)
 class Bound:
-    """Physical bound of a value: a lower one, or with `sign` -1 an upper one, which is mirrored."""
+    """Physical bound of a value: a lower one, or an upper one with `sign` -1, which is mirrored."""
 
     at: float
     sign: Literal[1, -1] = 1
 
     @property
     def words(self) -> str:
-        """Sense of the one-sided limit that a value near the bound has."""
+        """Direction of the one-sided limit of a value near the bound."""
         return "at most" if self.sign > 0 else "at least"
 
     def limit(self, value: float, std: float, freedom: float = math.inf) -> float:
@@ -90,6 +89,7 @@ class Bound:
         """
         from scipy.special import ndtr, ndtri, stdtr, stdtrit
 
+        # Mirror an upper bound, then invert the truncated distribution.
         away = self.sign * (value - self.at) / std
         if math.isinf(freedom):
             quantile = float(ndtri(OUTSIDE * ndtr(away)))
@@ -113,8 +113,10 @@ class Bound:
 
 
 def reached_bound(low: float, high: float, bounds: tuple[float, float]) -> Bound | None:
-    """The one of two `bounds`, least and largest, that the interval from `low` to `high` reaches. None for neither, and
-    for an exact value, whose interval has no width."""
+    """Bound of `bounds` (least and largest) that the interval from `low` to `high` reaches.
+
+    Returns None if it reaches neither, and for an exact value, whose interval has no width.
+    """
     if low == high:
         return None
     if low <= bounds[0]:
@@ -122,30 +124,30 @@ def reached_bound(low: float, high: float, bounds: tuple[float, float]) -> Bound
     return Bound(bounds[1], -1) if high >= bounds[1] else None
 
 
-# Measured values of a fit against its predictions, for charts.
+# Measured values of a fit and its predictions, for charts
 
 
 VIEW_CLOSING = 0.4
-"""s before the fingers begin to close that a chart of a grasp shows. Sensitive: no."""
+"""s. A chart of a grasp begins this long before the fingers close. Sensitive: no."""
 
 Mask = NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitView:
-    """Points of one fit: measured values, the fit's predictions and standard deviations.
+    """Chart of one fit: measured values, predictions and standard deviations.
 
     Attributes:
         name: title.
-        note: how to read it, one or two sentences.
+        note: one or two sentences that explain the chart.
         axes: labels of `x` and of the values, each with its unit.
         x: (n,) abscissa.
         measured, predicted: (n,) in one unit; NaN in `measured` breaks a curve.
         std: (n,) of `measured` about `predicted`, or one for all; 0 where it is not stated.
-        used: (n,) rows that the fit rests on; None for all.
+        used: (n,) rows that the fit uses; None for all.
         groups: (n,) words for the legend, at most three different ones, or one for all.
-        slopes: (n, p) change of `predicted` with each of the p components of the estimate, for its
-            interval and the truth; None where the estimate does not determine `predicted`.
+        slopes: (n, p) derivatives of `predicted` by the p components of the estimate, for its interval and the
+            truth; None where the estimate does not determine `predicted`.
     """
 
     name: str
@@ -161,40 +163,40 @@ class FitView:
 
 
 def constant(value: float, like: ArrayLike) -> Array:
-    """(n,) the same prediction for every point of `like`."""
+    """Prediction (n,) of `value` at every point of `like`."""
     return np.full(len(np.atleast_1d(like)), value)
 
 
 def unit_slopes(like: ArrayLike, component: int = 0, of: int = 1, scale: float = 1.0) -> Array:
-    """(n, of) slopes of predictions that are a component of the estimate, times `scale`."""
+    """Slopes (n, of) of predictions that equal `scale` times a `component` of the estimate."""
     return np.tile(scale * np.eye(of)[component], (len(np.atleast_1d(like)), 1))
 
 
 def closing_samples(trace: Trace, recording: Recording) -> Samples | None:
-    """Samples from shortly before the fingers closed to the end of a recording of a held object;
-    None where they never closed."""
+    """Samples from shortly before the fingers closed to the end of a recording of a held object.
+
+    Returns None if they never closed.
+    """
     closed = [leaf for leaf in trace.leaf_runs("CloseGripper") if leaf.end <= recording.start]
     if recording.context.holding is None or not closed:
         return None
     return trace.samples.between(closed[-1].start - VIEW_CLOSING, recording.end)
 
 
-# Estimate: a value with its unit, uncertainty and verdict.
+# Estimate: a value with its unit, uncertainty and verdict
 
 
 Verdict = Literal["identified", "prior-dominated", "contradicted", "not identified"]
 
 AXES = {1: ("",), 2: ("x", "y"), 3: ("x", "y", "z"), 6: ("xx", "yy", "zz", "xy", "xz", "yz")}
-"""Names of the components of a vector, and of a symmetric tensor in MuJoCo's `fullinertia`
-order."""
+"""Names of the components of a vector, and of a symmetric tensor in the order of MuJoCo's `fullinertia`."""
 Z95 = 1.96
 """Half width of the central 95 % interval of a normal distribution, in standard deviations."""
 BELIEVED = "the recordings say no more than what was believed before"
 UNSEEN = "the recordings hardly observe it"
 AS_WIDE = "the interval is no narrower than the prior's"
 AT_BOUND = "the 95 % interval reaches a physical bound"
-"""Reasons of a prior-dominated value: the default one, of unseen components, of a wide interval, and at a
-bound."""
+"""Reasons of a prior-dominated value: the default, unobserved components, a wide interval, and a bound."""
 UNBOUNDED = (-math.inf, math.inf)
 
 
@@ -204,7 +206,7 @@ def axes_of(count: int) -> tuple[str, ...]:
 
 
 def half95(freedom: float) -> float:
-    """The same of Student's t distribution with `freedom` degrees of freedom, which may be infinite."""
+    """Half width of the central 95 % interval of Student's t, in standard deviations; `freedom` may be infinite."""
     from scipy.special import stdtrit  # takes longer to load than most plans to make
 
     return Z95 if math.isinf(freedom) else float(stdtrit(freedom, 0.975))
@@ -212,9 +214,9 @@ def half95(freedom: float) -> float:
 
 @dataclass(frozen=True, slots=True)
 class FurtherValue:
-    """A further value that came with an estimate, e.g. the static beside the dynamic friction.
+    """Additional result of an estimate, such as the static friction with the dynamic one.
 
-    `unit` is None where it is the estimate's own.
+    `unit` is None where it is that of the estimate.
     """
 
     value: float
@@ -224,14 +226,13 @@ class FurtherValue:
 
 @dataclass(frozen=True, slots=True)
 class Shared:
-    """Error cause that an estimate shares with other estimates, so that averaging does not reduce
-    it.
+    """Error cause that an estimate shares with other estimates, so that averaging does not reduce it.
 
     Attributes:
-        cause: e.g. `gain of joint 4`; one and the same where `of` and this are.
+        cause: e.g. `gain of joint 4`; two estimates share it where `cause` and `of` are equal.
         of: `arm`, the same in all runs of one arm, or `scene`, in all runs with one description.
-        effect: (n,) what one standard deviation of it does to each component, with its sign, in
-            the estimate's unit.
+        effect: (n,) signed change of each component by one standard deviation of the cause, in the estimate's
+            unit.
     """
 
     cause: str
@@ -245,29 +246,29 @@ COLUMNS = ("parameter", "value ± std", "95 % interval", "verdict")
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Estimate:
-    """A measured quantity. Most estimators make it with `normal`; the arrays are read-only.
+    """Measured quantity with its uncertainty; usually built by `normal`. The arrays are read-only.
 
     Attributes:
-        parameter: what it is an estimate of.
-        unit: SI unit of all numbers, as printed; `1` where there is none.
+        parameter: the estimated parameter.
+        unit: SI unit of all numbers, as printed; `1` for a dimensionless quantity.
         values: (n,) one number per component; empty when not identified.
         stds: (n,) standard deviations.
         intervals: (n, 2) low and high end of each component's central 95 % interval. Like `values` they are
             unconstrained: those of a mass may be negative. See `physical`.
-        method: a sentence or two for people: what was done with which recordings.
-        evidence: the recordings it rests on, for the report's plots.
-        verdict: `identified`; `prior-dominated` where what was believed before says as much as the
-            recordings, or the interval reaches a bound; `contradicted` where a test of fit failed, whatever the
-            estimator said; `not identified`, which has no value. Only what is identified counts as measured.
+        method: a sentence or two for people on the method and the recordings.
+        evidence: recordings that were used, for the report's plots.
+        verdict: `identified`; `prior-dominated` where the recordings add little to the prior, or the interval
+            reaches a bound; `contradicted` where a test of fit failed, whatever the estimator stated;
+            `not identified`, without a value. Only an identified value counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
-        tests: the tests of fit that were made, passed or not.
-        shared: what of `stds` it has in common with other runs, cause by cause.
-        freedom: degrees of freedom of the noise in the rest of it, with which `intervals` was made.
-        unseen: components that its recordings say nothing of, which are as they were believed to
-            be; the verdict is that of the others.
-        views: what was fitted, for charts; not part of `result.json`.
-        reason: why it, or a component of it, is prior-dominated, a phrase; else empty.
-        bounds: the least and the largest value that is physically possible, of all components or of each.
+        tests: tests of fit, passed or not.
+        shared: parts of `stds` that other runs share, cause by cause.
+        freedom: degrees of freedom of the noise in the rest of it; `intervals` uses them.
+        unseen: components without evidence in the recordings, which keep their prior; the verdict is that of the
+            others.
+        views: charts of the fit; not part of `result.json`.
+        reason: a phrase on why it, or a component of it, is prior-dominated; else empty.
+        bounds: least and largest physically possible value, of all components or of each.
     """
 
     parameter: Parameter
@@ -305,8 +306,10 @@ class Estimate:
         views: tuple[FitView, ...] = (),
         reason: str = "",
     ) -> Estimate:
-        """With the interval of a normal distribution, or of Student's t with `freedom` degrees of freedom. One with a
-        `reason` is prior-dominated."""
+        """Build an estimate with normal intervals, or with those of Student's t for finite `freedom`.
+
+        An estimate with a `reason` is prior-dominated.
+        """
         return cls(
             parameter,
             unit,
@@ -326,10 +329,12 @@ class Estimate:
         )
 
     def __post_init__(self) -> None:
+        # Store the numbers as read-only arrays of the documented shapes.
         for name, shape in (("values", -1), ("stds", -1), ("intervals", (-1, 2))):
             numbers = np.array(getattr(self, name), dtype=np.float64).reshape(shape)
             numbers.flags.writeable = False
             object.__setattr__(self, name, numbers)
+        # Check the consistency of numbers and verdict; a failed test overrides the estimator's verdict.
         if not len(self.values) == len(self.stds) == len(self.intervals):
             raise ValueError(f"{self.parameter}: value, std and ci95 differ in length")
         if self.has_value == (self.verdict == "not identified"):
@@ -338,6 +343,7 @@ class Estimate:
             object.__setattr__(self, "verdict", "contradicted")
         elif self.verdict == "contradicted":
             raise ValueError(f"{self.parameter}: contradicted, though no test of fit failed")
+        # An interval at a bound for all components leaves nothing identified.
         if self.identified:
             reason = UNSEEN if self.unseen else AT_BOUND if any(self.at_bound) else ""
             object.__setattr__(self, "reason", reason)
@@ -347,9 +353,10 @@ class Estimate:
             object.__setattr__(self, "reason", BELIEVED)
 
     def bounded(self, bounds: tuple[float, float] | tuple[tuple[float, float], ...]) -> Estimate:
-        """The estimate of a quantity with physical `bounds`; a value too far beyond them is contradicted."""
+        """Copy with physical `bounds`; a value too far beyond them is contradicted."""
         if not self.has_value:
             return self
+        # Chi-squared of the distances beyond the bounds, in standard deviations.
         low, high = np.broadcast_to(np.array(bounds), (len(self.values), 2)).T
         beyond = np.maximum(low - self.values, self.values - high)
         squares = np.square(np.maximum(beyond, 0.0) / np.maximum(self.stds, 1e-300))
@@ -366,7 +373,7 @@ class Estimate:
 
     @property
     def value(self) -> float | Array:
-        """The number of a scalar quantity, the (n,) numbers of a vector; NaN if not identified."""
+        """Number of a scalar quantity, or (n,) numbers of a vector; NaN if not identified."""
         return _of_scalar(self.values)
 
     @property
@@ -383,10 +390,10 @@ class Estimate:
         return low, high
 
     def __float__(self) -> float:
-        """The value of a scalar quantity.
+        """Convert a scalar quantity to its value.
 
         Raises:
-            TypeError: there is no value, or it is a vector.
+            TypeError: There is no value, or it is a vector.
         """
         if len(self.values) != 1:
             what = f"a vector of {len(self.values)}" if self.has_value else self.verdict
@@ -395,25 +402,29 @@ class Estimate:
 
     @property
     def has_value(self) -> bool:
-        """There is a value; False if not identified."""
+        """True if there is a value; False if not identified."""
         return len(self.values) > 0
 
     @property
     def identified(self) -> bool:
-        """The estimate counts as measured."""
+        """True if the estimate counts as measured."""
         return self.verdict == "identified"
 
     @property
     def is_evidence(self) -> bool:
-        """The value rests on the recordings alone: identified, or kept from it by a bound only. Such values are fused
-        and scored, because a selection by the distance from the bound would select by the error."""
-        # Advice may follow the cause: "CAUSE; ADVICE".
+        """True if the value rests on the recordings alone: identified, or prior-dominated only by a bound.
+
+        Such values are fused and scored. A selection by distance from the bound would select by the error.
+        """
+        # The reason may carry advice: "CAUSE; ADVICE".
         return self.identified or self.reason.partition(";")[0] == AT_BOUND
 
     @property
     def at_bound(self) -> tuple[Bound | None, ...]:
-        """(n,) physical bound that the 95 % interval of a component reaches, so that it is not excluded. None for the
-        others, and where a test of fit contradicts the value."""
+        """(n,) physical bound that the 95 % interval of a component reaches, so that it is not excluded.
+
+        None for other components, and where a test of fit contradicts the value.
+        """
         bounds = self.bounds if self.verdict in ("identified", "prior-dominated") else UNBOUNDED
         each = np.broadcast_to(np.array(bounds), (len(self.values), 2)).tolist()
         pairs = zip(self.intervals.tolist(), each, strict=True)
@@ -421,7 +432,7 @@ class Estimate:
 
     @property
     def limits(self) -> tuple[float | None, ...]:
-        """(n,) one-sided 95 % limit of a component at a bound; None where no bound acts."""
+        """(n,) one-sided 95 % limit of each component at a bound; None where no bound acts."""
         found: list[float | None] = []
         for i, bound in enumerate(self.at_bound):
             value, std = float(self.values[i]), float(self.stds[i])
@@ -430,8 +441,10 @@ class Estimate:
 
     @property
     def physical(self) -> Estimate:
-        """What a twin holds: a scalar at a bound has its mean, deviation and interval given the bound. The components
-        of a vector belong together and stay."""
+        """Estimate for a twin: a scalar at a bound gets its mean, deviation and interval given the bound.
+
+        A vector stays unchanged, as its components belong together.
+        """
         bound = self.at_bound[0] if len(self.values) == 1 else None
         if bound is None:
             return self
@@ -441,7 +454,7 @@ class Estimate:
 
     @property
     def whole(self) -> Verdict:
-        """Verdict of all components together: not identified as a whole if one is unseen or at a bound."""
+        """Verdict of all components together: prior-dominated if one is unseen or at a bound."""
         return "prior-dominated" if self.identified and self.reason else self.verdict
 
     @property
@@ -452,7 +465,7 @@ class Estimate:
 
     @property
     def verdict_in_words(self) -> str:
-        """The verdict, with the axes that it holds for where others are unseen."""
+        """The verdict, with the axes that it applies to where others are unseen."""
         if self.whole == self.verdict:
             return self.verdict
         doubtful = self.doubtful_axes
@@ -461,14 +474,14 @@ class Estimate:
 
     @property
     def doubt(self) -> str:
-        """Reason why it, or a component, is prior-dominated, after the limits of those at a bound; else empty."""
+        """Reason of a prior-dominated estimate or component, after the limits of those at a bound; else empty."""
         limits = [self.limit_in_words(i) for i in range(len(self.values))]
         said = ", ".join(f"{limit}{_suffix(self.unit)}" for limit in limits if limit)
         return f"{said} (95 %): {self.reason}" if said and self.reason else self.reason
 
     @property
     def verdicts(self) -> tuple[Verdict, ...]:
-        """(n,) of each component."""
+        """(n,) verdict of each component."""
         found: list[Verdict] = [self.verdict] * len(self.values)
         if self.identified:
             for component, bound in enumerate(self.at_bound):
@@ -478,24 +491,24 @@ class Estimate:
 
     @property
     def shared_std(self) -> Array:
-        """(n,) the part of `std` that other runs share."""
+        """(n,) part of `std` that other runs share."""
         effects = [one.effect for one in self.shared]
         squares = np.square(np.array(effects).reshape(-1, len(self.values)))
         return np.minimum(np.sqrt(squares.sum(axis=0)), self.stds)
 
     @property
     def contradiction(self) -> str:
-        """Findings of the failed tests; empty if all passed."""
+        """Findings of the failed tests, joined; empty if all passed."""
         return " ".join(test.finding for test in self.tests if not test.passed)
 
     def z_score(self, truth: ArrayLike) -> float | Array:
-        """Error in standard deviations against a `truth` in this unit, in the shape of `value`."""
+        """Error in standard deviations against a `truth` in the estimate's unit, in the shape of `value`."""
         return _of_scalar((self.values - np.atleast_1d(truth)) / self.stds)
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, Estimate):
             return NotImplemented
-        # Views are made with the numbers, and charts are no part of the result.
+        # Views are derived from the numbers, and charts are not part of the result.
         arrays = {"values", "stds", "intervals", "bounds"}
         plain = {one.name for one in fields(self)} - arrays - {"views"}
         return all(getattr(self, name) == getattr(other, name) for name in plain) and all(
@@ -514,7 +527,7 @@ class Estimate:
         return f"<{text}, {self.verdict_in_words}>"
 
     def cells(self) -> tuple[str, str, str, str]:
-        """Row of a table with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
+        """Cells of a table row with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
         name = str(self.parameter)
         if not self.has_value:
             return name, "", "", self.verdict
@@ -524,7 +537,7 @@ class Estimate:
         return name, number, ", ".join(bounds), self.verdict_in_words
 
     def _repr_html_(self) -> str:
-        """A small table, one row a component, for notebooks."""
+        """Small table for notebooks, one row per component."""
         heading = f"{escape(str(self.parameter))}: {self.verdict_in_words}"
         if self.contradiction:
             heading += f". {escape(self.contradiction)}"
@@ -542,11 +555,11 @@ class Estimate:
         bound, limit = self.at_bound[i], self.limits[i]
         if bound is None or limit is None:
             return ""
-        # One more digit than the value has, as it is rounded to either side.
+        # One digit more than the value has, as the limit is rounded to either side.
         return f"{bound.words} {round_to_std(limit, 0.1 * float(self.stds[i]))[0]}"
 
     def _ends(self, i: int) -> list[str]:
-        """The ends of a component's interval, with the digits of its value."""
+        """Ends of a component's interval, with the digits of its value."""
         return [round_to_std(bound, float(self.stds[i]))[0] for bound in self.intervals[i].tolist()]
 
 
@@ -560,11 +573,12 @@ class Estimates(ByParameter[Estimate]):
         return {estimate.parameter: estimate for estimate in self.estimates}
 
     def to_dataframe(self) -> DataFrame:
-        """Convert to a pandas data frame, one row a parameter. Of a vector, `value` and `std` are (n,) and
-        `ci95` is (n, 2).
+        """Convert to a pandas data frame, one row per parameter.
+
+        For a vector, `value` and `std` are (n,), and `ci95` is (n, 2).
 
         Raises:
-            Unavailable: pandas is not installed.
+            Unavailable: Pandas is not installed.
         """
         columns = ("value", "std", "unit", "ci95", "verdict", "method")
         found: dict[str, list[Any]] = {
@@ -577,7 +591,7 @@ class Estimates(ByParameter[Estimate]):
 
 
 def _of_scalar(numbers: Array) -> float | Array:
-    """The only one of some numbers; NaN for none."""
+    """Scalar if there is exactly one number, NaN if there is none, else all of them."""
     if not len(numbers):
         return math.nan
     return float(numbers[0]) if len(numbers) == 1 else numbers
@@ -586,13 +600,13 @@ def _of_scalar(numbers: Array) -> float | Array:
 def not_identified(
     parameter: Parameter, unit: str, method: str, evidence: tuple[Recording, ...] = ()
 ) -> Estimate:
-    """The honest absence of an estimate: no value at all, and the reason in words."""
+    """Estimate without a value, with the reason in words."""
     nothing = np.empty(0)
     return Estimate(parameter, unit, nothing, nothing, nothing, method, evidence, "not identified")
 
 
 def not_measured(parameter: Parameter, unit: str) -> Estimate:
-    """Estimate of a parameter whose conversion never ran."""
+    """Estimate of a parameter whose conversion was not run."""
     quantity, name = parameter.quantity, parameter.object
     return not_identified(
         parameter, unit, f"The run ended before the {quantity} of {name} was measured."
@@ -600,15 +614,14 @@ def not_measured(parameter: Parameter, unit: str) -> Estimate:
 
 
 def interval95(value: ArrayLike, std: ArrayLike, freedom: float = math.inf) -> Array:
-    """(n, 2) central 95 % intervals of Student's t distributions, by default of normal ones."""
+    """Central 95 % intervals (n, 2) of Student's t distribution, by default of the normal one."""
     middle = np.atleast_1d(np.asarray(value, dtype=np.float64))
     half = half95(freedom) * np.atleast_1d(np.asarray(std, dtype=np.float64))
     return np.column_stack([middle - half, middle + half])
 
 
 def round_to_std(value: float, std: float) -> tuple[str, str]:
-    """Value and standard deviation, to one digit of the latter, or two where it begins with 1 or
-    2."""
+    """Round a value and its standard deviation to one digit of the latter, or two if it begins with 1 or 2."""
     if not (math.isfinite(value) and math.isfinite(std) and std > 0):
         return f"{value:.6g}", f"{std:.2g}"
     exponent = math.floor(math.log10(std))
@@ -618,7 +631,7 @@ def round_to_std(value: float, std: float) -> tuple[str, str]:
 
 
 def _columns(values: Array, stds: Array) -> tuple[list[str], list[str]]:
-    """Values and standard deviations as text, each component with its own digits."""
+    """Values and standard deviations as text, each component with its own number of digits."""
     texts = [round_to_std(v, s) for v, s in zip(values.tolist(), stds.tolist(), strict=True)]
     return [value for value, _ in texts], [std for _, std in texts]
 

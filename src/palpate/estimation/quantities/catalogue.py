@@ -24,7 +24,7 @@ from palpate.estimation.quantities.stiffness import ContactDamping, Restitution,
 from palpate.trace.recording import Context
 
 GROUP = "palpate.quantities"
-"""Entry-point group of modules; each public `Quantity` in them that has an id is included."""
+"""Entry-point group of modules; every public `Quantity` in them that has an id is included."""
 OWN: tuple[type[Quantity], ...] = (
     Mass,
     Height,
@@ -45,7 +45,7 @@ OWN: tuple[type[Quantity], ...] = (
     SpringStiffness,
     Range,
 )
-"""Order of the results, and of the priors: each may use the believed values of those before it."""
+"""Order of the results and of the priors: a prior may use the believed values of earlier quantities."""
 
 
 class Catalogue(Mapping[str, Quantity]):
@@ -72,26 +72,28 @@ class Catalogue(Mapping[str, Quantity]):
         """Return the quantity with this id.
 
         Raises:
-            InputError: there is none; the message lists the valid ones.
+            InputError: There is none; the message lists the valid ones.
         """
         if id not in self._by_id:
             raise unknown_name("quantity", id, self, meant=self.meant(id))
         return self._by_id[id]
 
     def meant(self, word: str) -> str | None:
-        """Return the id of the quantity that a word means in some language; None for other words."""
+        """Return the id of the quantity that a word denotes in any language; None for other words."""
         for quantity in self.values():
             if any(word.lower() in words for words in quantity.words.values()):
                 return quantity.id
         return None
 
     def of(self, subject: str) -> list[Quantity]:
-        """Return the quantities of a kind of subject."""
+        """Return the quantities of one kind of subject."""
         return [quantity for quantity in self.values() if quantity.subject == subject]
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
-        """Return the piece of evidence that a recording is for a derived parameter; None if it is no
-        evidence, or if a conversion primitive has to name it."""
+        """Return the piece of evidence that a recording is for a derived parameter.
+
+        Returns None if it is no evidence, or if a conversion primitive has to declare it.
+        """
         quantity = self.get(parameter.quantity)
         if quantity is None or not quantity.derived:
             return None
@@ -103,22 +105,22 @@ def catalogue() -> Catalogue:
     """Catalogue of all installed quantities.
 
     Raises:
-        InputError: an entry point's module cannot be loaded; the message names it.
+        InputError: The module of an entry point cannot be loaded; the message names it.
     """
     found = list(OWN)
     for module in extensions(GROUP):
         types = [thing for thing in public(module) if isinstance(thing, type)]
-        # An abstract base without an id is no quantity.
+        # Skip abstract bases, which have no id.
         found += [t for t in types if issubclass(t, Quantity) and "id" in dir(t)]
     return Catalogue(cls() for cls in found)
 
 
-# Purposes of a simulation, and the quantities that each needs of its object: one table for the
-# prompt of a model, the reading of requests and the documentation.
+# Purposes of a simulation and the quantities that each needs: one table for the prompt of a model, the reading
+# of requests and the documentation
 
 
 SHOWN = 3
-"""Verbs of a purpose that a prompt names."""
+"""Number of verbs of a purpose in a prompt."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -126,8 +128,8 @@ class Purpose:
     """Purpose of a simulation.
 
     Attributes:
-        verbs: English verbs that name it, the most common first.
-        quantities: ids of the quantities of the object that decide its outcome.
+        verbs: English verbs for it, the most common first.
+        quantities: ids of the object's quantities that determine its outcome.
         reason: physical reason, for the documentation.
     """
 
@@ -165,9 +167,9 @@ PURPOSES = (
     ),
     _purpose("press squeeze indent", "stiffness", "the yielding under a force"),
 )
-"""All purposes; a verb stands in one of them."""
+"""All purposes; each verb occurs in one of them only."""
 
 
 def quantities_by_verb() -> Mapping[str, tuple[str, ...]]:
-    """Quantities of each purpose, by every verb of it."""
+    """Quantities of each purpose, by each of its verbs."""
     return {verb: purpose.quantities for purpose in PURPOSES for verb in purpose.verbs}

@@ -1,4 +1,4 @@
-"""Centre of mass of a held object, from the torque it puts on the hand at several grasps."""
+"""Centre of mass of a held object, from the moment of its weight about the hand at several grasps."""
 
 from __future__ import annotations
 
@@ -29,13 +29,13 @@ from palpate.mjcf.inertial import Statement, com_of, lacks
 from palpate.trace.samples import FORCES, Trace
 
 COM_ITERATIONS = 1
-"""solutions before the last. Sensitive: no."""
+"""Number of solutions before the last. Sensitive: no."""
 BLIND = 0.5
-"""remaining part of that 1 sigma above which a coordinate counts as not measured. Sensitive: no."""
+"""Ratio of posterior to prior 1 sigma above which a coordinate counts as not measured. Sensitive: no."""
 
 UNIT = "m"
 TRUE_SHIFT = 0.1
-"""Share of the object's extent by which a hidden centre of mass is off the prior at most, per axis."""
+"""Largest offset of a hidden centre of mass from the prior, as a fraction of the object's extent per axis."""
 WHOLE = (
     " Moments are from all motion in free air around that: noise alone accounts for the residuals of a model of "
     "the arm's links, sensors and friction there."
@@ -43,7 +43,7 @@ WHOLE = (
 
 
 class CentreOfMass(Quantity):
-    """Centre of mass in the body frame, where `<inertial>` has it."""
+    """Centre of mass in the body frame, as stated in `<inertial>`."""
 
     id = "com"
     unit = UNIT
@@ -94,7 +94,7 @@ class CentreOfMass(Quantity):
             yield Slot(elements.inertial, "pos", "0", required=3)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior at the middle of the geoms, except for the numbers that are stated."""
+        """Prior at the middle of the geoms, except for stated numbers."""
         stated = [UNKNOWN] * 3
         if body.elements.inertial is not None:
             stated = tokens(body.elements.inertial.get("pos")) or stated
@@ -106,7 +106,7 @@ class CentreOfMass(Quantity):
         return Prior(tuple(mean), tuple(std))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Draw uniformly up to `TRUE_SHIFT` of the object's extents around the prior."""
+        """Draw uniformly around the prior, up to `TRUE_SHIFT` of the object's extents."""
         scale = TRUE_SHIFT * body.size
         shift = random.uniform(-scale, scale) * (np.array(prior.std) > 0)
         return tuple(float(v) for v in np.array(prior.mean) + shift)
@@ -114,7 +114,7 @@ class CentreOfMass(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
-        """Write into `<inertial>`, made if absent, with the inertia of the geoms about the new centre."""
+        """Write into `<inertial>`, created if absent, with the inertia of the geoms about the new centre."""
         yield Statement(com=value, std=std)
 
 
@@ -123,11 +123,11 @@ IN_SPACE = (
     *("{} in 3d", "{} in three dimensions", "{} in all three axes", "{} along all three axes"),
     *("3d {}", "three dimensional {}", "full {}"),
 )
-"""Names of a centre of mass that include its height."""
+"""Names of a centre of mass with its height."""
 
 
 class CentreOfMassInSpace(CentreOfMass):
-    """Centre of mass along gravity, too, which takes holds at a tilt; written in the place of `com`."""
+    """Centre of mass including the component along gravity, from tilted holds; written in place of `com`."""
 
     id = "com_3d"
     label = "centre of mass in all three axes"
@@ -141,23 +141,23 @@ class CentreOfMassInSpace(CentreOfMass):
     entire = True
 
     def status(self, body: BodyDescription) -> Status:
-        """Not applicable: the file's centre of mass is that of `com`."""
+        """Not applicable: `com` represents the centre of mass in the file."""
         return "not applicable"
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         yield from ()  # that of `com` is the same
 
     def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """True with the evidence of `com`: without tilts only the component along gravity is missing."""
+        """True with the evidence of `com`: without tilts, only the component along gravity is missing."""
         return CentreOfMass().is_evidenced(parameter, logged)
 
 
 def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Centre of mass in the body frame from all recordings of the object held still in the air.
+    """Centre of mass in the body frame from all recordings of the object held at rest in the air.
 
-    A still grasp determines the centre of mass horizontally, not along gravity: that component keeps the
-    geometric centre with its prior standard deviation, and the method says so. `parts` holds the `mass`
-    from all grasps, and the `least torque`.
+    A level grasp determines the horizontal coordinates. The one along gravity keeps the geometric centre with its
+    prior standard deviation, and the method says so. `parts` holds the `mass` from all grasps, and the
+    `least torque`.
     """
     found = None if body is None else find_holds(trace, body)
     if body is None or found is None:
@@ -167,7 +167,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
     load = found.load
     grasps = grasps_of(trace, found, body, body.centre)
     for _ in range(COM_ITERATIONS):
-        # The effect of a rotation in the grip depends on the centre of mass itself.
+        # The effect of a rotation in the grip depends on the centre of mass.
         centre, *_ = balance(grasps, body)
         grasps = grasps_of(trace, found, body, centre)
     centre, covariance, agree, shared = balance(grasps, body)
@@ -176,6 +176,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         "mass": FurtherValue(load.force / trace.gravity, load.force_std / trace.gravity, "kg"),
         "least torque": FurtherValue(min(torques), 0.0, "N·m"),
     }
+    # Coordinates that the recordings hardly narrow keep the geometric centre.
     std = np.sqrt(np.diag(covariance))
     blind = std > BLIND * COM_PRIOR * body.size
     value, half = np.where(blind, body.centre, centre), std * half95(grasps.freedom)
@@ -198,7 +199,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
 
 
 def com_method(found: ObjectHolds, blind: Sequence[bool], body: Body) -> str:
-    """Describe the holds, the assumptions and the components without evidence."""
+    """Describe the holds, the assumptions, and the components without evidence."""
     grasps = len({hold.grasp for hold in found.holds})
     where = f"at {grasps} grasp{'s' * (grasps > 1)}"
     if found.turned:

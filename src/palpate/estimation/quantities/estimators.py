@@ -1,4 +1,4 @@
-"""Contract and registry of estimators, and the estimates of the parameters of a plan."""
+"""Contract and registry of estimators, and estimation of the parameters of a plan."""
 
 from __future__ import annotations
 
@@ -21,37 +21,37 @@ from palpate.trace.samples import Trace, sound, spoiled_spans, trace_around
 
 
 class Estimator(Protocol):
-    """Function that estimates one quantity from a trace and from no other measurement.
+    """Function that estimates one quantity from a trace and no other measurement.
 
-    Whatever it needs it looks up in the trace: `trace.converted(parameter)` is the recording that a
-    conversion declared to stand for the parameter, `trace.recordings` all of them with their
-    context. Without it, it returns `not_measured` or `not_identified`, which say why.
+    It looks up its recordings in the trace. `trace.converted(parameter)` is the recording that a conversion
+    declared for the parameter; `trace.recordings` are all of them with their context. Without evidence it returns
+    `not_measured` or `not_identified`, with the reason.
     """
 
     def __call__(self, trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-        """The estimate.
+        """Estimate a parameter.
 
         Args:
-            trace: samples, leaves and recordings; the truth of a simulated world is not among them.
-            parameter: what is to be estimated; of this estimator's quantity.
-            body: what the scene states about the parameter's object; None where it is no body of
-                the scene (the gripper).
+            trace: samples, leaves and recordings, without the truth of a simulated world.
+            parameter: parameter to estimate, of this estimator's quantity.
+            body: statements of the scene about the parameter's object; None if it is not a body of the scene
+                (the gripper).
 
         Raises:
-            ValueError: a recording that is no evidence: without samples, or not what it declares.
+            ValueError: A recording is no evidence: it has no samples, or differs from its declaration.
         """
         ...
 
 
 Reference = str
-"""`package.module:function`: an estimator that is imported when it is used."""
+"""`package.module:function` of an estimator, imported on use."""
 
 
 def load_estimator(reference: Reference) -> Estimator:
-    """The estimator behind a reference.
+    """Import the estimator of a reference.
 
     Raises:
-        InputError: it cannot be loaded; the message names it.
+        InputError: It cannot be imported; the message names it.
     """
     module, _, function = reference.partition(":")
     try:
@@ -64,7 +64,7 @@ def load_estimator(reference: Reference) -> Estimator:
         ) from error
 
 
-# Registry of estimators, and the estimates of a plan's parameters from the trace.
+# Registry of estimators, and estimates of a plan's parameters from the trace
 
 
 ENTRY_POINTS = "palpate.estimators"
@@ -85,7 +85,7 @@ class Estimators:
         """Load the estimator `name` of a quantity, or its default.
 
         Raises:
-            InputError: there is none of that name, or it cannot be loaded.
+            InputError: There is none of that name, or it cannot be imported.
         """
         names = self.names(quantity)
         chosen = name or next(iter(names), "")
@@ -96,8 +96,7 @@ class Estimators:
 
 @cache
 def known_estimators() -> Estimators:
-    """All installed estimators: those that the catalogue's quantities name, then those of the entry
-    points."""
+    """All installed estimators: those declared by the catalogue's quantities, then those of entry points."""
     found = {id: dict(quantity.estimators) for id, quantity in catalogue().items()}
     for entry, reference in references(ENTRY_POINTS).items():
         quantity, _, name = entry.partition(".")
@@ -112,22 +111,23 @@ def estimate_all(
     choice: Mapping[str, str] | None = None,
     estimators: Estimators | None = None,
 ) -> tuple[Estimate, ...]:
-    """Estimate every parameter, in order, from the sound part of the trace.
+    """Estimate every parameter, in order, from the valid part of the trace.
 
-    A parameter is `not identified` if nothing was recorded for it, if its evidence was not complete when
-    an action failed or was aborted (`palpate.trace.samples`), or if its estimator fails.
+    A parameter is `not identified` if it has no recording, if its evidence was incomplete when an action failed or
+    was aborted (`palpate.trace.samples`), or if its estimator fails.
 
     Args:
         parameters: parameters of the plan.
-        trace: of the whole run.
-        bodies: of the scene, by name.
-        choice: names of estimators by quantity; others use the default.
-        estimators: registry; by default all that are installed.
+        trace: trace of the whole run.
+        bodies: bodies of the scene, by name.
+        choice: names of estimators by quantity; other quantities use their default.
+        estimators: registry; by default all installed ones.
 
     Raises:
-        InputError: `choice` names an unknown estimator; the message lists the valid ones. Or one
-            cannot be loaded.
+        InputError: `choice` names an unknown estimator, and the message lists the valid ones; or one cannot be
+            imported.
     """
+    # Load the chosen estimators first, so that a wrong choice fails before any work.
     known = estimators or known_estimators()
     chosen = choice or {}
     loaded = {quantity: known.load(quantity, name) for quantity, name in chosen.items()}
@@ -142,6 +142,7 @@ def estimate_all(
             loaded[quantity] = known.load(
                 quantity, estimator_for_recording(trace, known.names(quantity))
             )
+        # An estimator sees only the part of the trace around its object.
         body = bodies.get(parameter.object)
         part = trace_around(evidence, parameter.object)
         estimate = guarded_estimate(loaded[quantity], part, parameter, body)
@@ -150,13 +151,13 @@ def estimate_all(
 
 
 def estimator_for_recording(trace: Trace, names: tuple[str, ...]) -> str | None:
-    """Name of the estimator for recordings by other programs, where the trace is one and `names` has it."""
+    """Name of the estimator for recordings by other programs, if the trace is one and `names` contains it."""
     is_one = any(conversion.primitive == RECORDED for conversion in trace.conversions)
     return RECORDING if is_one and RECORDING in names else None
 
 
 def failed_estimate(parameter: Parameter, reason: str) -> Estimate:
-    """Return an estimate without a value, with the reason."""
+    """Estimate without a value, with the reason."""
     known = catalogue().get(parameter.quantity)
     return not_identified(parameter, known.unit if known else "1", reason)
 
@@ -164,7 +165,7 @@ def failed_estimate(parameter: Parameter, reason: str) -> Estimate:
 def guarded_estimate(
     estimator: Estimator, trace: Trace, parameter: Parameter, body: Body | None
 ) -> Estimate:
-    """Call an estimator and apply the quantity's physical bounds. Its failure affects this parameter only."""
+    """Call an estimator and apply the quantity's physical bounds; a failure affects this parameter only."""
     try:
         found = estimator(trace, parameter, body)
     except Exception as error:
@@ -177,7 +178,7 @@ def guarded_estimate(
 
 
 def judge_evidence(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
-    """Judge an estimate of an aborted run: without a value if its evidence was not complete."""
+    """Judge an estimate of an aborted run: it loses its value if its evidence was incomplete."""
     action = spoiled_spans(trace)[0].spoiled_by.label
     reason = f"What was recorded in {action} and after is no evidence: it did not end well."
     if not found.has_value:

@@ -20,24 +20,26 @@ from palpate.trace.samples import FORCES, Trace
 WHERE = "at its handle"
 HOW = "MoveHandle with MeasureForces, at the handle and above"
 LEVER = 0.4
-"""m from a hinge to its handle: what a force at the handle means for a moment in the priors."""
+"""m. Distance from a hinge to its handle, which converts forces at the handle to moments in the priors."""
 
 
 class JointQuantity(Quantity):
-    """A number of a joint: `attribute` of its `<joint>`. One that is left out is 0 for MuJoCo: it is
-    measured when asked for, or where a `?` stands."""
+    """Number of a joint: the `attribute` of its `<joint>`.
+
+    MuJoCo takes 0 for an omitted one. It is measured on request, or where a `?` is written.
+    """
 
     subject = "fixture"
     unit = "N/m"
     bounds = (0.0, np.inf)
     attribute: ClassVar[str]
     per: ClassVar[str] = "N"
-    """Unit of a slide's, without the metre that it may be per."""
+    """Unit for a slide, without division by the metre."""
     divided: ClassVar[bool] = True
     believed: ClassVar[tuple[float, float]]
-    """Prior mean and deviation of a slide's; of a hinge's, at the handle."""
+    """Prior mean and standard deviation for a slide; for a hinge, at the handle."""
     drawn: ClassVar[tuple[float, float]]
-    """Range in which a hidden one is drawn, likewise."""
+    """Range of a hidden value, for a slide or at the handle of a hinge."""
     evidence = held_and_empty(FORCES, "MoveHandle", "working", WHERE)
     derived = True
 
@@ -67,7 +69,7 @@ class JointQuantity(Quantity):
         return (float(scale * random.uniform(*self.drawn)),)
 
     def scale(self, body: BodyDescription) -> float:
-        """Number of a joint per that of a slide with the same forces at the handle."""
+        """Factor from the number of a slide to that of this joint with the same forces at the handle."""
         joint = body.joint
         if joint is None or joint.is_slide:
             return 1.0
@@ -81,7 +83,7 @@ class JointQuantity(Quantity):
 
 
 class DryFriction(JointQuantity):
-    """Dry (Coulomb) friction of a joint, the same at every speed: `frictionloss` in MuJoCo, N or N m."""
+    """Dry (Coulomb) friction of a joint, independent of speed: `frictionloss` in MuJoCo, N or N m."""
 
     id = "frictionloss"
     unit = "N"
@@ -104,7 +106,7 @@ class DryFriction(JointQuantity):
 
 
 class Damping(JointQuantity):
-    """Viscous friction of a joint, in proportion to its speed, N·s/m or N·m·s/rad."""
+    """Viscous friction of a joint, proportional to its speed, N·s/m or N·m·s/rad."""
 
     id = "damping"
     elsewhere = "contact_damping"
@@ -127,7 +129,7 @@ class Damping(JointQuantity):
 
 
 class SpringStiffness(JointQuantity):
-    """Stiffness of the spring of a joint, about its `springref`, N/m or N m/rad."""
+    """Stiffness of a joint's spring about its `springref`, N/m or N m/rad."""
 
     id = "spring"
     unit = "N/m"
@@ -149,17 +151,17 @@ class SpringStiffness(JointQuantity):
 
 
 def estimate_dry_friction(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Dry friction of a joint, from all passes of its handle."""
+    """Dry friction of a joint from all passes of its handle."""
     return _estimate(trace, parameter, body, DRY, DryFriction())
 
 
 def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Damping of a joint, from all passes of its handle."""
+    """Damping of a joint from all passes of its handle."""
     return _estimate(trace, parameter, body, DAMPING, Damping())
 
 
 def estimate_spring(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Stiffness of the spring of a joint, from all passes of its handle."""
+    """Stiffness of a joint's spring from all passes of its handle."""
     return _estimate(trace, parameter, body, SPRING, SpringStiffness())
 
 
@@ -171,6 +173,7 @@ def _estimate(
     if joint is None or fit is None:
         reason = f"No recording shows the handle of '{parameter.object}' move along its joint."
         return not_identified(parameter, quantity.unit, reason)
+    # Unit of the joint, and the widest std that still adds to the prior.
     unit = joint.unit(quantity.per) if quantity.divided else ("N" if joint.is_slide else "N·m")
     value, std = fit.of(cause)
     lever = fit.lever
@@ -204,7 +207,7 @@ def _method(fit: JointFit) -> str:
 
 
 def _view(fit: JointFit) -> FitView:
-    """Force along the joint over its rate."""
+    """Chart of the force along the joint over its rate."""
     held = fit.passes.held > 0.0
     own = fit.own()[held]
     unit = fit.joint.unit()

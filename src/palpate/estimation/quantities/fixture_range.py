@@ -23,50 +23,45 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
 LIMIT_SMOOTH = 5
-"""rows, 25 ms, over whose mean the force at a limit is taken.
-Sensitive: not tried."""
+"""Rows (25 ms) over which the force at a limit is averaged. Sensitive: not tried."""
 LIMIT_PRESSED = 15.0
-"""N: a force that is smaller shows no limit.
-Sensitive: no, limits are pressed with 30 N."""
+"""N. Smallest force that shows a limit. Sensitive: no, limits are pressed with 30 N."""
 LIMIT_BEFORE = 2.0
-"""s before the largest force in which the force of moving is looked for.
-Sensitive: not tried."""
+"""s. Window before the largest force that is searched for the force of free motion. Sensitive: not tried."""
 LIMIT_NEAR = 0.008
-"""m before the farthest point that is no longer moving freely: a stop and an arm give way by some millimetres.
+"""m before the farthest point within which motion is no longer free: a stop and an arm deform by some millimetres.
 Sensitive: not tried."""
 LIMIT_SHARE = 0.2
-"""part of the rise of the force from which it counts as rising: pads and rails give way before.
-Sensitive: not tried; a lower one reads noise as the foot of the curve."""
+"""Fraction of the rise of the force above which it counts as rising: pads and rails deform before. Sensitive: not
+tried; a lower one takes noise for the foot of the curve."""
 LIMIT_ALIKE = 10.0
-"""rows of a loading curve that err alike, as neighbours do.
-Sensitive: the deviation of a limit by noise is proportional to its root."""
+"""Number of neighbouring rows of a loading curve with the same error. Sensitive: the deviation of a limit by noise is
+proportional to its root."""
 LIMIT_FOOT = 2e-4
-"""m (1 sigma): by which pads and rails give way before a limit bears; in the simulation 0.1 to 0.2 mm.
-Sensitive: at `lab` it is most of a limit's deviation."""
+"""m (1 sigma). Deformation of pads and rails before a limit carries load; in the simulation 0.1 to 0.2 mm. Sensitive:
+at `lab` it is most of a limit's deviation."""
 LIMIT_SCALE = 0.8
-"""part (1 sigma) of the angle by which an arm may be out that its way to a limit is too long or short: at `measured`,
-of 0.22 m, 0.6 mm (root mean square of seven arms).
-Sensitive: limit std ×1.0–2.5 at `measured`, not at `lab`."""
+"""Fraction (1 sigma) of the angle error of an arm by which its path to a limit is too long or short. At `measured`, it
+is 0.6 mm of 0.22 m (root mean square of seven arms). Sensitive: limit std ×1.0–2.5 at `measured`, not at `lab`."""
 LIMIT_SOFT = 0.05
-"""part (1 sigma) of the way from limit to standstill by which a stop's loading curve may be no straight line.
+"""Fraction (1 sigma) of the deflection at a limit by which the loading curve of a stop may deviate from a line.
 Sensitive: not tried."""
 LIMIT_ALL = 0.95
-"""part of the largest force at which the loading of a limit ends.
-Sensitive: not tried."""
+"""Fraction of the largest force at which the loading of a limit ends. Sensitive: not tried."""
 
 SETTING_OUT = 20  # rows, 0.1 s, at the start of a recording, in which the hand rests
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limit:
-    """A limit that the handle was pressed against.
+    """Limit of a joint that the handle was pressed against.
 
     Attributes:
-        sign: 1 of the upper limit, -1 of the lower.
-        travel, std: from where the recording began, m or rad.
-        way: (n,) m, of the handle towards it, of the rows of the loading curve.
+        sign: 1 for the upper limit, -1 for the lower.
+        travel, std: m or rad, from the start of the recording.
+        way: (n,) m, travel of the handle towards the limit in the rows of the loading curve.
         force: (n,) N, of the hand against it.
-        predicted: (n,) N.
+        predicted: (n,) N, by the fit.
     """
 
     sign: float
@@ -78,10 +73,11 @@ class Limit:
 
 
 def limits_of(trace: Trace, recording: Recording, joint: Joint) -> Iterator[Limit]:
-    """Limits that the handle met in a recording, in order."""
+    """Yield the limits that the handle met in a recording, the upper one first."""
     samples = trace.of(recording)
     if len(samples) <= SETTING_OUT:
         return
+    # Travel of the handle, and the force of the hand along it beyond that at rest.
     start = mean_pose(samples.where(slice(0, SETTING_OUT)))
     positions = samples.pose_world_tcp[:, :3]
     lever = joint.lever(start.position)
@@ -92,12 +88,12 @@ def limits_of(trace: Trace, recording: Recording, joint: Joint) -> Iterator[Limi
         pressed = sign * force
         if pressed.max() < LIMIT_PRESSED:
             continue
-        # The hand then rests against it.
+        # Use the rows up to the peak: the hand then rests against the limit.
         peak = int(np.argmax(pressed > LIMIT_ALL * pressed.max()))
         found = _loading(samples.t[: peak + 1], sign * way[: peak + 1], pressed[: peak + 1])
         if found is not None:
             where, std, rows, predicted = found
-            # An arm that nobody calibrated is out by an angle, and measures a way too long or too short.
+            # An uncalibrated arm has an angle error, and measures a path too long or too short.
             scale = LIMIT_SCALE * trace.hand.tip_offset_std / REACH
             parts = (std, trace.hand.pose_repeatability, LIMIT_FOOT, scale * where)
             std = float(np.linalg.norm(parts))
@@ -106,12 +102,15 @@ def limits_of(trace: Trace, recording: Recording, joint: Joint) -> Iterator[Limi
 
 
 def _loading(t: Array, way: Array, force: Array) -> tuple[float, float, slice, Array] | None:
-    """Way at which the force begins to rise, with its deviation, m; the rows of the curve, and its fit. None where
-    the force does not rise steeply."""
+    """Fit a loading curve: a constant force up to the limit, then a linear rise.
+
+    Returns the travel, m, at which the force begins to rise, its standard deviation, the rows of the curve, and the
+    fitted force (n,). Returns None where the force does not rise steeply.
+    """
     first = int(np.searchsorted(t, float(t[-1]) - LIMIT_BEFORE))
     rows = slice(first, len(t))
     x, f = way[rows], force[rows]
-    # The force of moving: before it rises, the median; it rises at the end.
+    # Force of free motion: the median before the rise, which comes at the end.
     early = x < x[-1] - LIMIT_NEAR
     if early.sum() < SETTING_OUT:
         return None
@@ -120,9 +119,10 @@ def _loading(t: Array, way: Array, force: Array) -> tuple[float, float, slice, A
     rising &= np.arange(len(f)) > int(np.flatnonzero(early)[-1])
     if rising.sum() < 5:
         return None
+    # Line through the rise: its intercept is the travel at the force of free motion.
     slope, middle = np.polyfit(f[rising] - moving, x[rising], 1)
     left = x[rising] - middle - slope * (f[rising] - moving)
-    # As it is at the foot of the line that the doubt is largest: rows that err alike count as few.
+    # The error at the foot of the line includes its leverage; correlated rows count as few.
     independent = max(rising.sum() / LIMIT_ALIKE, 2.0)
     spread = float(np.std(f[rising])) or 1.0
     lever = float(np.mean(f[rising]) - moving) / spread
@@ -132,15 +132,15 @@ def _loading(t: Array, way: Array, force: Array) -> tuple[float, float, slice, A
     return float(middle), std + LIMIT_SOFT * abs(x[-1] - middle), rows, predicted
 
 
-# Range of the joint of a drawer, a door or a window: its lower and its upper limit.
+# Range of the joint of a drawer, a door or a window: its lower and upper limit
 
 
 BELIEVED = (0.2, 0.1)
-"""m at the handle: prior mean and deviation of the way from where it stands to an open limit."""
+"""m at the handle. Prior mean and standard deviation of the travel from the present position to an open limit."""
 DRAWN = (0.08, 0.25)
-"""m at the handle: range of the drawn way to an open upper limit; the lower one, of something closed, is near."""
+"""m at the handle. Range of the drawn travel to an open upper limit; the lower limit of a closed fixture is near."""
 CLOSED = (0.0, 0.03)
-"""m at the handle: likewise to an open lower limit."""
+"""m at the handle. Range of the drawn travel to an open lower limit."""
 
 
 class Range(Quantity):
@@ -180,7 +180,7 @@ class Range(Quantity):
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.joint is not None:
-            # Wide stand-ins, so that the scene compiles with either limit known.
+            # Wide placeholders, so that the scene compiles with either limit known.
             yield Slot(elements.joint, "range", "-3", numbers=(0,))
             yield Slot(elements.joint, "range", "3", numbers=(1,))
 
@@ -227,7 +227,7 @@ class Range(Quantity):
 
 
 def estimate_range(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Limits of a joint, from where the force at its handle begins to rise."""
+    """Limits of a joint, from the travel at which the force at its handle begins to rise."""
     joint = None if body is None else body.joint
     recordings = [
         recording
@@ -237,6 +237,7 @@ def estimate_range(trace: Trace, parameter: Parameter, body: Body | None) -> Est
     if joint is None or not recordings:
         reason = f"No recording shows '{parameter.object}' moved to its limits."
         return not_identified(parameter, "m", reason)
+    # Collect the limits by side over all recordings.
     met: dict[float, list[Limit]] = {1.0: [], -1.0: []}
     for recording in recordings:
         for limit in limits_of(trace, recording, joint):
@@ -252,6 +253,7 @@ def estimate_range(trace: Trace, parameter: Parameter, body: Body | None) -> Est
         if not met[sign]:
             reason = f"'{parameter.object}' met no {'upper' if sign > 0 else 'lower'} limit."
             return not_identified(parameter, joint.unit(), reason, tuple(recordings))
+        # Weighted mean of all contacts with this limit.
         weights = np.array([limit.std for limit in met[sign]]) ** -2.0
         travels = np.array([limit.travel for limit in met[sign]])
         values.append(joint.position + float(np.average(travels, weights=weights)))

@@ -1,4 +1,4 @@
-"""Coulomb friction between a held object and what it is dragged along."""
+"""Coulomb friction between a held object and its support, from drags."""
 
 from __future__ import annotations
 
@@ -40,27 +40,26 @@ from palpate.mjcf.elements import MUJOCO_FRICTION, MUJOCO_PAIR_FRICTION, Element
 from palpate.trace.samples import FORCES, Trace
 
 FRICTION_RANGE = 1.0
-"""1 sigma by which a coefficient may differ where it does. Sensitive: no."""
+"""1 sigma of a variation of the coefficient, in the tests for one. Sensitive: no."""
 HELD_RANGE = 10.0
-"""N (1 sigma) that hold an object where something does. Sensitive: no."""
+"""N (1 sigma) of a holding force, in the test for one. Sensitive: no."""
 STICKING = 0.1
-"""part of the rows of steady sliding in which the hand may lag behind its command; an object that sticks and slips
-holds it back most of the time. Sensitive: no."""
+"""Fraction of the rows of steady sliding in which the hand may lag its command. Stick-slip holds it back most of the
+time. Sensitive: no."""
 LIKELY_FRICTION = 2.0
-"""coefficient beyond which nothing dry slides on anything. Sensitive: no."""
+"""Largest coefficient of dry friction that is plausible. Sensitive: no."""
 SIGNIFICANT = 2.0
-"""standard deviations from zero from which a friction is identified. Sensitive: no."""
+"""Standard deviations above zero from which a friction is identified. Sensitive: no."""
 ALIKE_FRICTION = 0.05
-"""part (1 sigma) of a coefficient by which it may differ between directions, places and speeds and still be one.
-Sensitive: no."""
+"""Relative variation (1 sigma) of a coefficient with direction, place and speed that is tolerated. Sensitive: no."""
 
 UNIT = "1"
 PRIOR_FRICTION = 0.5
-"""Prior mean: household things on wood and plastics."""
+"""Prior mean: household objects on wood and plastics."""
 PRIOR_SPREAD = 0.15
 """1 sigma of the prior."""
 TRUE_FRICTION = (0.25, 0.7)
-"""Range in which a hidden friction is drawn."""
+"""Range of a hidden friction coefficient."""
 
 
 class Friction(Quantity):
@@ -96,7 +95,7 @@ class Friction(Quantity):
     estimators: ClassVar = {"drag": "palpate.estimation.quantities.friction:estimate_friction"}
 
     def status(self, body: BodyDescription) -> Status:
-        """Status of the pairs where explicit ones decide, unless a geom is written `?`."""
+        """Status by the explicit contact pairs where they apply, unless a geom has a `?`."""
         pairs, geoms = static_pairs(body), open_geoms(body)
         if pairs and not any(has_unknown(geom, "friction", 0) for geom in geoms):
             return "missing" if open_pairs(body, pairs) else "known"
@@ -122,12 +121,14 @@ class Friction(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Write with a `priority` above that of all static geoms, and into explicit pairs with them. Without
-        it MuJoCo would take the larger of the object's and its support's coefficient, or the support's."""
+        """Write with a `priority` above that of all static geoms, and into explicit pairs with them.
+
+        Otherwise MuJoCo would take the larger coefficient of object and support, or the support's.
+        """
         text, above = number(value[0], std), highest_priority(body) + 1
         for geom in open_geoms(body) or body.elements.colliding:
             base = body.defaults.attribute(geom, "friction") or " ".join(MUJOCO_FRICTION)
-            # Other open numbers, of torsional and rolling friction, take MuJoCo's defaults.
+            # Other open numbers, for torsional and rolling friction, take MuJoCo's defaults.
             defaults = zip(tokens(base)[:3], MUJOCO_FRICTION, strict=False)
             numbers = {i: usual for i, (part, usual) in enumerate(defaults) if part == UNKNOWN}
             yield Edit(geom, "friction", {**numbers, 0: text}, base)
@@ -136,13 +137,15 @@ class Friction(Quantity):
         pairs = static_pairs(body)
         for pair in open_pairs(body, pairs) or pairs:
             base = body.defaults.attribute(pair, "friction") or MUJOCO_PAIR_FRICTION
-            # A pair has a coefficient for each of two directions; MuJoCo lets the second one be left out.
+            # A pair has one coefficient for each of two directions; the second may be omitted.
             both = {0: text, 1: text} if len(tokens(base)) > 1 else {0: f"{text} {text}"}
             yield Edit(pair, "friction", both, base)
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
-        """Friction of the contact with the support, which a slide measures; the object's own where
-        nothing carries it, None where several coefficients act."""
+        """Friction of the contact with the support, which a slide measures.
+
+        Without a support it is the object's own. It is None where several coefficients act.
+        """
         if not standing_contacts(body):
             return self.known(body)
         acting = acting_friction(body)
@@ -153,7 +156,7 @@ class Friction(Quantity):
 
 
 def open_geoms(body: BodyDescription) -> tuple[Element, ...]:
-    """Geoms whose sliding friction is written `?`; where no geom states any, all colliding ones."""
+    """Geoms with sliding friction `?`; if no geom states any friction, all colliding geoms."""
     geoms = body.elements.colliding
     stated = {geom: tokens(body.defaults.attribute(geom, "friction")) for geom in geoms}
     marked = tuple(geom for geom, parts in stated.items() if parts[:1] == [UNKNOWN])
@@ -163,16 +166,14 @@ def open_geoms(body: BodyDescription) -> tuple[Element, ...]:
 
 
 def open_pairs(body: BodyDescription, pairs: Iterable[Element]) -> tuple[Element, ...]:
-    """Those of the `pairs` whose friction nothing states."""
+    """Explicit `pairs` without a stated friction."""
     return tuple(pair for pair in pairs if body.defaults.attribute(pair, "friction") is None)
 
 
 def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Sliding friction of an object on its support from every drag in the trace, recorded or on
-    the way back.
+    """Sliding friction of an object on its support from all drags in the trace, also those on the way back.
 
-    The value is the dynamic coefficient; `parts` holds `static` and `dynamic`, and the `normal
-    force`.
+    The value is the dynamic coefficient; `parts` holds `static` and `dynamic`, and the `normal force`.
     """
     slides = [r for r in trace.recordings if r.context.activity == "sliding"]
     evidence = tuple(r for r in slides if r.context.holding == parameter.object)
@@ -187,13 +188,13 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         )
     found = fit_sliding(drags, observed, trace.hand)
     normal = np.concatenate([drag.normal[drag.steady] for drag in drags])
-    # Drags are measured relative to the object hanging in the air: it must hang free there.
+    # Drags are referred to the object hanging in the air, so the tests include that it hangs free there.
     tests = (*friction_tests(drags, found), *hangs_free(trace, parameter.object))
     value, std = found.friction
     whole = None
     if all(test.passed for test in tests):
-        # Fit of all motion around the drags: used where it is more precise than the contrast of the drags'
-        # forces, and agrees with it.
+        # The fit to all motion around the drags replaces the fit of the drags alone if it is more precise and
+        # agrees with it.
         whole = fit_whole(trace, parameter.object, drags, observed, value)
         if whole is not None and not (
             whole.explains and whole.std < std and abs(whole.friction - value) < WHOLE_APART * std
@@ -209,7 +210,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
         "normal force": FurtherValue(float(normal.mean()), float(normal.std()), "N"),
     }
     fit = found if whole is None else found.knowing(value, std)
-    # A breakaway force is told from sliding only where the object rubs at all.
+    # Breakaway and sliding are distinguishable only with significant friction.
     static = static_friction(drags, fit) if value > SIGNIFICANT * std else None
     if static is not None:
         parts["static"] = FurtherValue(*static)
@@ -229,19 +230,19 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
 
 def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
-    """Goodness-of-fit tests of Coulomb friction with a single coefficient."""
+    """Goodness-of-fit tests of Coulomb friction with one coefficient."""
     held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
     value, std = found.friction
 
     def test_equal_friction(columns: slice, name: str, where: str) -> FitTest:
-        """Test for equal friction in two subsets; differences of a few per cent are tolerated."""
+        """Test for equal friction in two subsets; a few per cent of difference are tolerated."""
         small = ALIKE_FRICTION * value
         seen = found.difference(columns, FRICTION_RANGE, small)
         finding = f"Friction differs by {2 * seen.size:.2g} {where}."
         return chi_squared(name, seen.statistic, seen.freedom, finding)
 
-    # A tangential force that does not grow with the normal force.
+    # Tangential force that does not grow with the normal force.
     constant = found.difference(HELD, HELD_RANGE, FORCE_BIAS)
     return (
         chi_squared(

@@ -41,10 +41,11 @@ from palpate.mjcf.shapes import RESTING
 from palpate.trace.samples import POSE, Trace
 
 SOFT_ACCURACY = 2e-3
-"""m (1 sigma): what is soft has no sharp beginning. Sensitive: `soft onset` std ×0.5–2.0."""
+"""m (1 sigma). Error of the first contact with a soft surface, which has no sharp onset. Sensitive: `soft onset` std
+×0.5–2.0."""
 UNGAUGED = 1e-3
-"""m (1 sigma) from which an arm's own height is that of one which nobody has calibrated: a datasheet states 0.2 mm,
-a gauge block tells it to less than 0.1. Sensitive: no."""
+"""m (1 sigma). Height error of an arm from which it counts as uncalibrated. A datasheet states 0.2 mm; a gauge block
+reduces it to less than 0.1. Sensitive: no."""
 
 UNIT, TILT_UNIT = "m", "rad"
 TOUCH = Evidence(
@@ -54,24 +55,26 @@ TOUCH = Evidence(
     distinct="place",
 )
 PLACEHOLDER = 0.01
-"""m: an unknown half height while the scene's shapes are compiled."""
+"""m. Placeholder of an unknown half height while the scene is compiled."""
 SHOWN = 1e-4
-"""m: tolerance of a believed height in the compiled scene."""
+"""m. Tolerance of a believed height in the compiled scene."""
 PRIOR_HEIGHT = 0.4
-"""m, of a surface on which nothing stands."""
+"""m. Prior height of a surface without objects on it."""
 BARE_SPREAD, LADEN_SPREAD = 0.2, 0.01
-"""m (1 sigma): prior of a surface without any hint of its height, and with one (an object on it, a
-given pose)."""
+"""m (1 sigma) of the prior height, without and with a hint: an object on the surface, or a given pose."""
 SUNK = 0.003
-"""m: largest depth of a hidden surface below the believed one where objects stand on it, which must not
-start inside it."""
+"""m. Largest depth of a hidden surface below the believed one where objects rest on it, so that they do not start
+inside it."""
 OFF = 0.03
-"""m: largest deviation of a hidden surface from the believed one where nothing stands on it."""
+"""m. Largest deviation of a hidden surface from the believed one where no object rests on it."""
 
 
 class Height(Quantity):
-    """World z of a surface's top. Whichever number places the top may be unknown; when half height
-    and place both are, a geom stands on its body's origin, and a body on the ground."""
+    """World z of a surface's top.
+
+    Any number that places the top may be unknown. If both half height and position are, a geom rests on its body's
+    origin, and a body on the ground.
+    """
 
     id = "height"
     unit = UNIT
@@ -103,8 +106,11 @@ class Height(Quantity):
                 yield Slot(geom, "size", str(PLACEHOLDER), (index,))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior from the given pose; else the lowest bottom of the objects above that no known
-        surface carries; else the given approach pose."""
+        """Prior from the given pose.
+
+        Else it is the lowest bottom of the objects above that no known surface carries, else the given approach
+        pose.
+        """
         if body.given_z is not None:
             return Prior((body.top_z + body.given_z,), (LADEN_SPREAD,))
         bottoms = [float(foot[2]) for foot in feet_above(body) if not is_carried(body, foot)]
@@ -121,13 +127,13 @@ class Height(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Write into the open numbers; without one, into the z of the element."""
+        """Write into the open numbers; without any, into the z of the element."""
         element, geom = body.elements.element, body.carrier
         unknown = open_places(body) or {str(element.tag)}
         rise = value[0] - body.top_z
         if "size" in unknown:
-            # Half height alone: the geom grows about its place. Else it stands on its body's origin: half of
-            # the top's rise above the placeholder is its half height, and its place rises as much.
+            # Half height alone: the geom grows about its centre. Otherwise the geom rests on its body's origin: half
+            # of the top's rise above the placeholder is its half height, and its centre rises as much.
             if unknown == {"size"}:
                 rise, half = 0.0, PLACEHOLDER + rise
             else:
@@ -154,8 +160,7 @@ class Height(Quantity):
 
 
 def open_places(body: BodyDescription) -> set[str]:
-    """Unknown numbers of a surface's height: the z of its `body` or `geom`, or its half height,
-    `size`."""
+    """Unknown numbers of a surface's height: the z of its `body` or `geom`, or its half height, `size`."""
     element = body.elements.element
     places: set[str] = set()
     if element.tag == "body" and has_unknown(element, "pos", 2):
@@ -170,14 +175,14 @@ def open_places(body: BodyDescription) -> set[str]:
 
 
 def raise_element(element: Element, rise: float, std: float | None) -> Edit:
-    """Edit that raises an element by `rise`, m, from its z, or from 0 where that is unknown."""
+    """Edit that raises an element by `rise`, m, from its z, or from 0 if that is unknown."""
     part = tokens(element.get("pos") or "0 0 0")[2]
     z = rise + (0.0 if part == UNKNOWN else float(part))
     return Edit(element, "pos", {2: number(z, std)}, "0 0 0")
 
 
 def feet_above(surface: BodyDescription) -> Iterator[Array]:
-    """Footing points of the objects with known z over a surface: (3,) in the world frame, m."""
+    """Yield the support points (3,), m, world, of the objects with known z above a surface."""
     for thing in surface.objects():
         foot = thing.footing()
         if thing.given_z is not None:
@@ -189,19 +194,19 @@ def feet_above(surface: BodyDescription) -> Iterator[Array]:
 
 
 def is_carried(surface: BodyDescription, foot: Array) -> bool:
-    """True if a surface of known height is directly below the footing point."""
+    """True if a surface of known height is directly below the support point `foot`."""
     known = [other for other in surface.surfaces() if not other.top_is_open]
     return any(abs(foot[2] - s.top_z) < RESTING and s.reaches_over(foot) for s in known)
 
 
 def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World z of the rigid surface under the fingertips, from all its touches.
+    """World z of the rigid surface under the fingertips, from all touches.
 
-    `parts`: `penetration` (of the pressed tip below it), `soft onset` (world z) where something soft was
+    `parts` holds `penetration` (depth of the pressed tip below it), `soft onset` (world z) where a soft layer was
     pressed through, and `tilt` from three touches on.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     declared = trace.converted(parameter)
     if declared is None:
@@ -211,6 +216,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     if not found:
         nothing = "The descent ended with nothing pressing back on the fingertips."
         return not_identified(parameter, UNIT, nothing, tuple(recordings))
+    # Plane through all touches; the tip length adds an error common to the arm.
     plane, tip_std = plane_of(found, trace.hand), trace.hand.tip_offset_std
     made = Estimate.normal(
         parameter,
@@ -241,7 +247,7 @@ def height_tests(found: Sequence[SurfaceTouch], plane: Plane) -> Iterator[FitTes
 
 
 def height_parts(found: Sequence[SurfaceTouch], plane: Plane) -> dict[str, FurtherValue]:
-    """Further results: largest penetration, onset of something soft, and tilt."""
+    """Further results: largest penetration, onset of a soft layer, and tilt."""
     deepest = max(found, key=lambda touch: touch.penetration)
     depth = deepest.penetration
     share = CORRECTION if depth <= STIFF * deepest.full else YIELDING
@@ -256,8 +262,10 @@ def height_parts(found: Sequence[SurfaceTouch], plane: Plane) -> dict[str, Furth
 
 
 def height_method(found: Sequence[SurfaceTouch], plane: Plane, tip_std: float) -> str:
-    """Describe the touches, with advice to calibrate where the standard deviation of the tip length, m,
-    exceeds that of the touches."""
+    """Describe the touches.
+
+    Adds advice to calibrate if the standard deviation of the tip length, m, exceeds that of the touches.
+    """
     last = found[-1]
     times = "" if len(found) == 1 else f" of {len(found)} touches"
     text = (
@@ -279,7 +287,7 @@ def height_method(found: Sequence[SurfaceTouch], plane: Plane, tip_std: float) -
 
 
 class SurfaceTilt(Quantity):
-    """Slope of a surface along world x and along world y. The twin has it in `<custom>`."""
+    """Slope of a surface along world x and y. The twin states it in `<custom>`."""
 
     id = "tilt"
     unit = TILT_UNIT
@@ -299,10 +307,10 @@ class SurfaceTilt(Quantity):
 
 
 def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Tilt of a surface from the plane through all its touches; `parts`: `angle` from level.
+    """Tilt of a surface from the plane through all touches; `parts` holds the `angle` from level.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)

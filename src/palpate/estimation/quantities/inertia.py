@@ -1,4 +1,4 @@
-"""Rotational inertia of a held object, from swings of the hand with it and without."""
+"""Rotational inertia of a held object, from swings of the hand with and without it."""
 
 from __future__ import annotations
 
@@ -47,17 +47,17 @@ from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_ope
 from palpate.trace.samples import FORCES, Trace
 
 SWING_FLOOR = 3e-4
-"""N m: noise that is always assumed, with the play of pads and joints. Sensitive: inertia std ×0.9–1.1."""
+"""N m. Smallest noise of a swing, by the play of pads and joints. Sensitive: inertia std ×0.9–1.1."""
 LOG_MASS_PRIOR = 3.0
-"""1 sigma of half the logarithm of a mass: nothing is known of it. Sensitive: no."""
+"""1 sigma of half the logarithm of a mass: an uninformative prior. Sensitive: no."""
 RADIUS_PRIOR = 0.35
-"""1 sigma of the logarithm of how far the mass lies from its centre: in the core it is half of the box's, at the rim
-nearly twice; an inertia is that squared. Sensitive: weak axes' std ×0.5–2.0."""
+"""1 sigma of the logarithm of a radius of gyration. Mass in the core has half the box's radius, mass at the rim nearly
+twice; an inertia is its square. Sensitive: weak axes' std ×0.5–2.0."""
 SKEW_PRIOR = 0.3
-"""part of that distance (1 sigma) by which the mass lies askew to the body's axes. Sensitive: no."""
+"""Fraction (1 sigma) of a radius of gyration by which the mass lies askew to the body's axes. Sensitive: no."""
 GIVE_PRIOR = 4e-4
-"""s² (1 sigma): compliance between pads and object per square of the rate: it rings at 8 Hz or more. Sensitive:
-inertia std ×0.8–1.2."""
+"""s² (1 sigma). Relative growth of the apparent inertia by the compliance of the pads, per squared rate: its resonance
+is at 8 Hz or more. Sensitive: inertia std ×0.8–1.2."""
 
 UNIT = "kg·m²"
 BELIEVED = 0.5
@@ -112,7 +112,7 @@ class Inertia(Quantity):
             yield Slot(elements.inertial, "fullinertia", "1", whole=identity)
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior from the object's shape, with the believed mass and centre of mass."""
+        """Prior from the object's shape with the believed mass and centre of mass."""
         mass = believed.get(Parameter(body.name, "mass"), (mass_of(body),))
         com = believed.get(Parameter(body.name, "com")) or com_of(body)
         mean = inertia_for(body, mass[0], com)
@@ -129,13 +129,14 @@ class SwungObject:
     """Linear observation of an object's ten inertial parameters by a sinusoidal swing.
 
     Attributes:
-        observed, variance: (m,) signals of the load, and their variance.
-        gears: (m, k) what one deviation of each unknown of a joint's gear does to them, the same in all swings.
-        load: (m, 10) signals of unit parameters in the tool's axes.
+        observed: (m,) signals of the load.
+        variance: (m,) of `observed`.
+        gears: (m, k) effect of one deviation of each unknown of a joint's gear, common to all swings.
+        load: (m, 10) signals of unit parameters in tool axes.
         rate: angular frequency, rad/s.
-        axis: index of the tool's axis that it is about.
-        pose_tcp_body: of the object in the hand at the grasp.
-        droop: its rotation in the fingers since then.
+        axis: index of the tool axis of the swing.
+        pose_tcp_body: pose of the object in the hand at the grasp.
+        droop: rotation in the fingers since the grasp.
     """
 
     observed: Array
@@ -149,24 +150,24 @@ class SwungObject:
 
     @property
     def std(self) -> Array:
-        """(m,) standard deviations of the signals, with those of the gears."""
+        """(m,) standard deviations of the signals, including those of the gears."""
         return np.sqrt(self.variance + (self.gears**2).sum(axis=1))
 
 
-# Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and
-# rotation in the fingers (`estimation.slip`).
+# Parameters of the fit: ten inertial ones, compliance between pads and object about three axes, s², and rotation in
+# the fingers (`grip`)
 INERTIAL, GIVE, SOFTNESS = slice(0, 10), slice(10, 13), slice(13, 15)
 FASTER = 1.2
-"""Least ratio to the slowest rate of a swing that a chart calls fast."""
+"""Smallest ratio to the slowest swing rate that a chart calls fast."""
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mass, centre of mass and inertia tensor of a physically consistent rigid body
-    (`estimation.rigid`), from sinusoidal swings (`estimation.swung`) and from the static load.
+    """Inertia tensor of a physically consistent rigid body, from sinusoidal swings and the static load.
 
-    Compliance between pads and object increases the apparent inertia by the square of the frequency; it is
-    fitted too, about each axis of the hand. Components that the swings hardly excite keep those of the
-    box with their prior standard deviation, and the method says so.
+    Mass and centre of mass are fitted as well (`rigid_bodies`, `swings`). Compliance between pads and object
+    increases the apparent inertia by the square of the frequency; it is an unknown about each axis of the hand.
+    Components that the swings hardly excite keep those of the box with their prior standard deviation, and the method
+    says so.
     """
     still = None if body is None else find_holds(trace, body)
     if body is None or still is None or not (swung := observed_swings(trace, still, body)):
@@ -178,15 +179,16 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         )
     numbers, covariance, test = fit_rigid_body(swung, still, trace.gravity, body)
     theta = numbers[INERTIAL]
-    # Jacobian (6, 10) of the inertia about the centre of mass, by central differences.
+    # Jacobian (6, 10) of the inertia about the centre of mass by central differences, for its covariance.
     steps = 1e-6 * np.eye(10)
     columns = [(about_centre(theta + d) - about_centre(theta - d)) / (2.0 * 1e-6) for d in steps]
     slopes = np.stack(columns, axis=1)
     value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
-    # Prior of an object that was weighed and not swung: an unknown mass must not pass for an unknown inertia.
+    # Compare with the prior of an object that was weighed but not swung: mass errors alone are no lack of excitation.
     believed = prior_std(body)[INERTIAL]
     believed[MASS] = np.sqrt(covariance[MASS, MASS])
     blind = std > BLIND * np.sqrt(np.sum((slopes * believed) ** 2, axis=1))
+    # Mass and centre of mass of the same fit are further results.
     mass = float(np.exp(2.0 * theta[MASS]))
     parts = {"mass": FurtherValue(mass, 2.0 * mass * float(np.sqrt(covariance[0, 0])), "kg")}
     for name, place in zip("xyz", range(7, 10), strict=True):
@@ -208,7 +210,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
 
 
 def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungObject]:
-    """Swings of the object, each as a contrast with one of the empty hand."""
+    """Swings of the object, each in contrast to one of the empty hand."""
     recordings = [r for r in trace.recordings if r.context.activity == "swinging"]
     noise = still.weighings[0].noise
     unloaded = [recording for recording in recordings if recording.context.holding is None]
@@ -220,7 +222,7 @@ def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungO
         pose = pose_in_hand(trace, recording, body)
         for swing, observed, spread, gears in contrast(swings(trace, recording, noise), empty):
             droop = still.droop(grasp_time(trace, recording, body), swing.time)
-            # `torque_gain` is the half width of a uniform distribution.
+            # `torque_gain` is the half width of a uniform distribution, so its std is divided by sqrt(3).
             gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
             variance = spread + gain**2 + SWING_FLOOR**2
             axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
@@ -233,12 +235,15 @@ def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungO
 def fit_rigid_body(
     swung: Sequence[SwungObject], still: ObjectHolds, gravity: float, body: Body
 ) -> tuple[Array, Array, FitTest]:
-    """Fit the ten inertial parameters in the body frame with the compliance about three axes, by
-    Gauss-Newton from those of a uniform box (Nocedal and Wright, Numerical Optimization, section
-    10.3). Returns all parameters (15,), the covariance of the inertial ones, inflated where the swings
-    disagree, and the test of that."""
+    """Fit the ten inertial parameters in the body frame, with compliances about three axes and the grip's softness.
+
+    Gauss-Newton starts from a uniform box (Nocedal and Wright, Numerical Optimization, section 10.3). Returns all
+    parameters (15,), the covariance of the inertial ones, inflated where the swings disagree, and the test of their
+    agreement.
+    """
     from scipy.optimize import least_squares  # takes longer to import than most plans to compute
 
+    # Start at a uniform box of the measured mass.
     mass = still.load.force / gravity
     box = of_box(max(mass, 1e-3), body.centre, body.size)
     start = np.concatenate([box, np.zeros(3), EXPECTED])
@@ -253,13 +258,13 @@ def fit_rigid_body(
     numbers, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
     left = swing_residuals(numbers, swung, roots)
     covariance = np.linalg.inv(slopes.T @ slopes)
-    # Effective degrees of freedom: number of residuals less their leverage tr(J P Jᵀ), which counts a
-    # parameter as far as the data determine it and not the prior (Hastie, Tibshirani and Friedman, The
-    # Elements of Statistical Learning, section 7.6).
+    # Effective degrees of freedom: number of residuals minus their leverage tr(J P Jᵀ). A parameter counts as far as
+    # the data determine it and not the prior (Hastie, Tibshirani and Friedman, The Elements of Statistical Learning,
+    # section 7.6).
     rows = slopes[: len(left)]
     leverage = float(np.einsum("ij,jk,ik->", rows, covariance, rows))
     misfit, freedom = float(left @ left), max(1.0, len(left) - leverage)
-    # Deviations from a single rigid body count as noise (Birge ratio).
+    # Deviations from a rigid body count as noise (Birge ratio).
     covariance = covariance * max(1.0, misfit / freedom)
     test = chi_squared(
         "swings agree",
@@ -273,7 +278,7 @@ def fit_rigid_body(
 
 
 def prior_std(body: Body) -> Array:
-    """(15,) 1 sigma of the prior of the fit's parameters."""
+    """1 sigma (15,) of the prior of the fit's parameters."""
     radii = body.size / np.sqrt(12.0)
     skew = SKEW_PRIOR * radii[[0, 0, 1]]
     centre = COM_PRIOR * np.maximum(body.size, 1e-3)
@@ -282,17 +287,17 @@ def prior_std(body: Body) -> Array:
 
 
 def predicted_swings(numbers: Array, swung: Sequence[SwungObject]) -> Iterator[Array]:
-    """Predict the signals (m,) of each swing, N m."""
+    """Yield the predicted signals (m,) of each swing, N m."""
     pseudo = pseudo_inertia(numbers[INERTIAL])
     for one in swung:
         pose = one.droop.turned(one.pose_tcp_body, numbers[SOFTNESS])
-        # Of a driven oscillator far below its resonance: the amplitude grows by 1 + c ω².
+        # Driven oscillator far below its resonance: the amplitude grows by 1 + c ω².
         gives = 1.0 + numbers[GIVE][one.axis] * one.rate**2
         yield gives * one.load @ linear(move_inertia(pseudo, pose))
 
 
 def swing_roots(swung: Sequence[SwungObject]) -> Array:
-    """(m, s, s) roots of the covariances of each signal in s swings, which share the unknowns of its gear."""
+    """Cholesky factors (m, s, s) of the covariances of each signal over s swings, which share gear unknowns."""
     gears = np.array([one.gears for one in swung])
     own = np.array([one.variance for one in swung]).T[:, None, :] * np.eye(len(swung))
     shared: Array = np.einsum("ajk,bjk->jab", gears, gears)
@@ -301,14 +306,14 @@ def swing_roots(swung: Sequence[SwungObject]) -> Array:
 
 
 def swing_residuals(numbers: Array, swung: Sequence[SwungObject], roots: Array) -> Array:
-    """Residuals of all swings, in standard deviations."""
+    """Residuals of all swings in standard deviations."""
     pairs = zip(swung, predicted_swings(numbers, swung), strict=True)
     left = np.array([one.observed - made for one, made in pairs])
     return np.linalg.solve(roots, left.T[:, :, None]).ravel().astype(np.float64)
 
 
 def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
-    """Torques of the load in each joint, swing by swing, against those of the rigid body."""
+    """Chart of the load's torques in each joint, swing by swing, against those of the rigid body."""
     rates = np.repeat([one.rate for one in swung], len(swung[0].observed))
     hertz = " and ".join(f"{rate:.1f}" for rate in sorted(set((rates / (2.0 * np.pi)).round(1))))
     predicted = 1e3 * np.concatenate(list(predicted_swings(numbers, swung)))
@@ -326,13 +331,13 @@ def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
 
 
 def load_residuals(numbers: Array, still: ObjectHolds, gravity: float) -> Array:
-    """Residuals of the static load, in standard deviations."""
+    """Residuals of the static load in standard deviations."""
     pseudo, load = pseudo_inertia(numbers[INERTIAL]), still.load
     predicted = [float(pseudo[3, 3]) * gravity]
     for hold in still.holds:
         pose = hold.droop.turned(hold.pose_tcp_body, numbers[SOFTNESS])
         tool = linear(move_inertia(pseudo, pose))
-        # Torque of the weight about the TCP: (y, -x) of the first moment times g.
+        # Moment of the weight about the TCP: (y, -x) of the first moment times g.
         x, y, _ = hold.pose_world_tcp.rotation @ tool[1:4] * gravity
         predicted += [y, -x]
     root = np.linalg.cholesky(load.covariance)
@@ -341,7 +346,7 @@ def load_residuals(numbers: Array, still: ObjectHolds, gravity: float) -> Array:
 
 
 def swing_method(swings: int, blind: Sequence[bool]) -> str:
-    """Describe the swings and the components without evidence."""
+    """Describe the swings, and the components without evidence."""
     method = (
         f"Resistance of the object to {swings} swings about three axes of the hand, against the same swings of "
         "the empty hand, and its static load, fitted by one physically possible rigid body"

@@ -33,21 +33,21 @@ from palpate.trace.samples import FORCES, Trace
 
 UNIT = "kg"
 PRIOR_DENSITY = 500.0
-"""kg/m³: between hollow household things and wood."""
+"""kg/m³. Prior density, between hollow household objects and wood."""
 PRIOR_MASS = (0.02, 1.5)
-"""kg: bounds of the prior, from a plastic cup to a full bottle."""
+"""kg. Bounds of the prior, from a plastic cup to a full bottle."""
 PRIOR_FACTOR = 2.0
-"""A hidden mass is drawn within this factor of the prior, and the prior's 1 sigma is half of it."""
+"""Largest ratio of a hidden mass to the prior; the prior's 1 sigma is half of it."""
 SAMPLING = 1000.0
-"""1/s: sampling rate of joint torques, each sample with the noise of the arm's description."""
+"""1/s. Sampling rate of joint torques; each sample has the noise of the arm's description."""
 SLOWEST = 1.5 * PASS_SPEED
-"""m/s of a pass, at which joints still slide all the way."""
+"""m/s. Slowest speed of a pass at which joints still slide all the way."""
 SPEEDS = 8
 """Number of speeds of a pass that are compared."""
 ROUND = 8.0
-"""s of a further round without its passes: from home to the object, and back."""
+"""s. Duration of a further round without its passes: from home to the object, and back."""
 MOST_CYCLES = 4
-"""Cycles in one tree at most; what noise they leave is reduced by another round."""
+"""Largest number of cycles in one tree; a further round reduces the remaining noise."""
 WHOLE = (
     " Fitted together with 15 s of motion in free air before and after it: noise alone accounts for the residuals "
     "of a model of the arm's links, sensors and friction there."
@@ -102,36 +102,39 @@ class Mass(Quantity):
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """Prior from the volume of the geoms without a mass, plus the masses that the file states."""
         geoms = unweighed_geoms(body)
-        # Where all of the open geoms are visual, the volume of the colliding ones counts.
+        # If all open geoms are visual only, take the volume of the colliding ones.
         solid = [geom for geom in body.elements.colliding if geom in geoms]
         volume = sum(body.shapes.volume(geom) for geom in solid or body.elements.colliding)
         mass = float(np.clip(volume * PRIOR_DENSITY, *PRIOR_MASS))
         return Prior((mass_beside(body) + mass,), (0.5 * mass,))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Log-uniform within `PRIOR_FACTOR` of the prior, plus the part that the file states."""
+        """Draw log-uniformly within `PRIOR_FACTOR` of the prior, plus the mass that the file states."""
         factor = PRIOR_FACTOR ** random.uniform(-1, 1)
         unknown = 2.0 * prior.std[0]
         stated = prior.mean[0] - unknown
         return (stated + float(np.clip(unknown * factor, *PRIOR_MASS)),)
 
     def floor(self, site: Site) -> float:
-        """Uncertainty by the gains of the joint torque sensors."""
+        """Uncertainty from the gains of the joint torque sensors, kg."""
         gravity, arm = site.gravity, site.arm
         weight, lift = site.believed[0] * gravity, predicted_lift(site, None)
         return lift.floor(1, arm.pace.speed, weight, gravity, arm.nominal) / gravity
 
     def effort(self, site: Site, std: float, trace: Trace | None) -> Effort:
-        """Cycles of an empty and a loaded pass each way, in the least time that suffices: slow passes
-        average white noise, more cycles average slower noise."""
+        """Cycles of an empty and a loaded pass each way that suffice in the least time.
+
+        Slow passes average white noise; more cycles average slower noise.
+        """
         lift, gravity, hand = predicted_lift(site, trace), site.gravity, site.arm.nominal
         weight = site.believed[0] * gravity
+        # Search speeds, and the fewest cycles that suffice at each.
         least, best = np.inf, Effort()
         for speed in np.geomspace(SLOWEST, site.arm.pace.speed, SPEEDS).round(3).tolist():
             for cycles in range(1, MOST_CYCLES + 1):
                 left = lift.noise(cycles, speed, weight, gravity, hand) / gravity
                 enough, takes = left <= std, cycles * lift.seconds(speed)
-                # Variance falls with the number of repetitions, each in another round.
+                # Variance falls with the number of rounds, and each round costs its overhead.
                 cost = takes if enough else takes * (left / std) ** 2 + ROUND
                 if cost < least:
                     least, best = cost, Effort(cycles, speed)
@@ -142,7 +145,7 @@ class Mass(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Statement]:
-        """Write into `<inertial>` where there is one, else on the geoms that lack a mass."""
+        """Write into `<inertial>` if there is one, else into the geoms without a mass."""
         yield Statement(mass=value[0], std=std)
 
 
@@ -160,27 +163,30 @@ def predicted_lift(site: Site, trace: Trace | None) -> Lift:
     recording = trace.converted(site.parameter) if trace is not None else None
     if trace is not None and recording is not None:
         noise = weighing(trace, recording).noise
+        # A trace of the same measurement replaces the noise of the description.
         white, flicker = noise.white * float(np.median(np.diff(trace.t))), noise.flicker
     length = site.grasp.distance_to(site.above)
     return Lift(q, length, site.near_speed, arm.pace.acceleration, observed, white, flicker)
 
 
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Vertical force of the load over g, as a contrast with the same rests and passes without the object.
+    """Vertical force of the load over g, in contrast to the same rests and passes without the object.
 
-    `parts` holds the mean of F_z/g of the recording alone as `single-shot`, and the estimates from rests
-    alone and from passes alone (`rests`, `passes`).
+    `parts` holds the mean of F_z/g of the recording alone as `single-shot`, and the estimates from rests alone and
+    from passes alone (`rests`, `passes`).
 
     Raises:
-        ValueError: the recording holds no samples or no held object.
+        ValueError: The recording holds no samples or no held object.
     """
     return _contrast(trace, parameter, by_all_motion=True)
 
 
 def estimate_by_rests_and_passes(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mass from rests and passes alone, without the other motion in free air, and without what the model of the
-    arm leaves there (standard deviations 0 to 10 % smaller by that alone): less precise than `estimate_mass`, in a
-    sixth of the time."""
+    """Mass from rests and passes alone, without the other motion in free air.
+
+    It also omits the residual of the arm model (standard deviations 0 to 10 % smaller by that alone). It is less
+    precise than `estimate_mass` and takes a sixth of the time.
+    """
     return _contrast(trace, parameter, by_all_motion=False)
 
 
@@ -212,10 +218,10 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
 
 
 def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mean of F_z / g while the object is held still, the paper's Force2Mass.
+    """Mean of F_z / g while the object is held at rest, the paper's Force2Mass.
 
-    There is no contrast with the empty hand: the result contains the arm's bias, the standard deviation what
-    the empty hand shows of it.
+    There is no contrast with the empty hand. The value contains the arm's bias, and the standard deviation contains
+    the bias seen with the empty hand.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -241,7 +247,7 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
 
 
 def contrast_method(found: Sequence[Segment]) -> str:
-    """Describe the contrast: the number of rests and passes, loaded and empty."""
+    """Describe the contrast: the numbers of rests and passes, loaded and empty."""
     if not has_reference(found):
         return (
             "Mean vertical force while held still, over g; no unloaded pass or rest at the same pose was "

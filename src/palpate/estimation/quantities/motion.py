@@ -48,7 +48,7 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
     `parts` holds the mean of the sensed twist as `mean twist x/y/z`, and the `peak speed`.
 
     Raises:
-        ValueError: the recording has fewer than two samples.
+        ValueError: The recording has fewer than two samples.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -78,7 +78,7 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
 
 class Momentum(Quantity):
-    """Mean momentum of what the gripper holds, in world axes."""
+    """Mean momentum of the held object, in world axes."""
 
     id = "momentum"
     unit = MOMENTUM_UNIT
@@ -97,11 +97,12 @@ class Momentum(Quantity):
 
 
 def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Mean momentum m v of the held object over the recording, world axes. The mass is from the
-    loaded and empty passes and rests of the same trace, without the hand.
+    """Mean momentum m v of the held object over the recording, world axes.
+
+    The mass is from the loaded and empty passes and rests of the same trace, without the hand.
 
     Raises:
-        ValueError: the recording has fewer than two samples.
+        ValueError: The recording has fewer than two samples.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -109,9 +110,9 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
     velocity = mean_velocity(trace, recording)
     weight = weigh(trace, recording)
     light = weight.mass < half95(weight.freedom) * weight.std
-    # Product of independent factors: the relative variances add, to first order.
+    # Product of independent factors: relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
-    # The fits of both factors; the interval of their product is that of neither.
+    # Show the fits of both factors; the interval of the product applies to neither, so it has no slopes.
     fits = (weight.view(trace.gravity), velocity.view(trace, recording))
     method = (
         "Mean velocity of the recording times the object's mass from the same trace "

@@ -1,4 +1,4 @@
-"""Plan position of a held object."""
+"""Horizontal position of a held object."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import POSE, Trace
 
 CENTRING = 0.0015
-"""m (1 sigma): fingers centre an object on themselves as they close; in simulated grasps it ended up to 2.5 mm from
-where it had stood. Sensitive: position std ×0.5–2.0."""
+"""m (1 sigma). Shift of an object as the closing fingers centre it; in simulated grasps it moved by up to 2.5 mm.
+Sensitive: position std ×0.5–2.0."""
 
 UNIT = "m"
 PRIOR_POSITION = (0.5, 0.0)
-"""m, of an object without a given place: the middle of the workspace."""
+"""m. Prior of an object without a given place: the middle of the workspace."""
 UNPLACED, PLACED = 0.25, 0.01
 """m (1 sigma) of the prior without a given place, and with one from the poses."""
 TRUE_SHIFT = 0.003
-"""m: largest deviation of a hidden position from the believed one, per axis."""
+"""m. Largest deviation of a hidden position from the believed one, per axis."""
 METHOD = (
     "The fingers centre the object between them as they close: along that direction the middle of its "
     "shapes is at the hand. Across it there is no evidence: the position is that of the scene."
@@ -46,7 +46,7 @@ ELSEWHERE = "It was measured where the object had been dragged or carried to, wh
 
 
 class Position(Quantity):
-    """World x and y of the object's frame. An unknown z follows from what the object stands on."""
+    """World x and y of the object's frame. An unknown z follows from its support."""
 
     id = "position"
     unit = UNIT
@@ -77,8 +77,7 @@ class Position(Quantity):
         yield Slot(elements.element, "pos", "0")
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior from the poses; else from the numbers that the file states, with the middle of the
-        workspace for the others."""
+        """Prior from the poses; else from the numbers stated in the file, with the workspace centre for the others."""
         stated = tokens(body.elements.element.get("pos"))[:2]
         if body.given is None:
             pairs = zip(stated, PRIOR_POSITION, strict=True)
@@ -107,7 +106,7 @@ class Position(Quantity):
         return Pose.of((x, y, body.pose_world.position[2]), body.pose_world.quaternion)
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterator[Edit]:
-        """Fill an open z: as given by the poses, else standing on the surface below."""
+        """Fill an open z from the poses, else at rest on the surface below."""
         element = body.elements.element
         if not has_unknown(element, "pos", 2):
             return
@@ -121,8 +120,10 @@ class Position(Quantity):
 
 
 def support_z(body: BodyDescription, believed: Values) -> float | None:
-    """World z of the highest surface below the middle of an object, or of an object there whose z is
-    stated, m; 0, the ground, without one. None while the height of a surface below it is unknown."""
+    """World z, m, of the highest surface or object with stated z below the middle of an object.
+
+    It is 0, the ground, without one, and None while the height of a surface below is unknown.
+    """
     tops = list(_tops_of_objects(body))
     for surface in body.surfaces_below():
         height = believed.get(Parameter(surface.name, "height"))
@@ -133,7 +134,7 @@ def support_z(body: BodyDescription, believed: Values) -> float | None:
 
 
 def _tops_of_objects(body: BodyDescription) -> Iterator[float]:
-    """Yield world z, m, of the tops of the geoms of other objects that are below the middle of an object."""
+    """Yield the world z, m, of the tops of the geoms of other objects below the middle of an object."""
     middle = body.footing()[:2]
     for other in body.objects():
         if other is body or has_unknown(other.elements.element, "pos"):
@@ -146,7 +147,11 @@ def _tops_of_objects(body: BodyDescription) -> Iterator[float]:
 
 
 def require_world_frame(body: BodyDescription) -> None:
-    """Require that the element's `pos` is in the world; raises InputError inside a frame that moves it."""
+    """Require that the element's `pos` is in the world.
+
+    Raises:
+        InputError: The element is inside a frame that moves it.
+    """
     outer = body.elements.moved_by()
     if outer is not None:
         raise InputError(
@@ -156,14 +161,14 @@ def require_world_frame(body: BodyDescription) -> None:
 
 
 def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """World x-y of the object's frame, from its grasps.
+    """World x and y of the object's frame, from its grasps.
 
-    Closing, the fingers centre the object: along that direction the middle of its bounding box is at the
-    TCP. Across it the fingers give no evidence, and the believed position stays; a component in which that
-    uncertainty dominates is prior-dominated.
+    The closing fingers centre the object: along their direction the middle of its bounding box is at the TCP. Across
+    it the fingers give no evidence, and the believed position stays. A component in which that uncertainty dominates
+    is prior-dominated.
 
     Raises:
-        ValueError: the recording holds no samples.
+        ValueError: The recording holds no samples.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -171,6 +176,7 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     if recording.context.is_elsewhere:
         return not_identified(parameter, UNIT, ELSEWHERE, (recording,))
     samples = trace.of(recording)
+    # Closing direction in the plane, and the error along it: noise, repeatability, and centring.
     hand = mean_pose(samples)
     closing = hand.rotation[:2, 1] / np.linalg.norm(hand.rotation[:2, 1])
     spread = (samples.pose_world_tcp[:, :2] @ closing).std() / np.sqrt(len(samples))
@@ -178,7 +184,7 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     across = np.array([-closing[1], closing[0]])
     value, std = hand.position[:2], None
     if body is not None:
-        # The believed frame, moved along the closing direction until its middle is at the TCP.
+        # Move the believed frame along the closing direction until its middle is at the TCP.
         std, middle = body.std(np.append(across, 0.0)), body.pose_world.apply(body.centre)[:2]
         value = body.pose_world.position[:2] + closing * float(closing @ (value - middle))
     believed = across * (std or PLACED)
@@ -199,7 +205,7 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
 def grasp_views(
     trace: Trace, recording: Recording, hand: Array, closing: Array
 ) -> Iterator[FitView]:
-    """Deviation of the hand from `hand` (2,) along the direction `closing` (2,) in which the fingers close."""
+    """Chart of the hand's deviation from `hand` (2,) along the closing direction `closing` (2,) of the fingers."""
     samples = closing_samples(trace, recording)
     if samples is None:
         return

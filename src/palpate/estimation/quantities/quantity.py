@@ -1,9 +1,9 @@
-"""Contract of a physical quantity: one class per quantity, from which everything else derives.
+"""Contract of a physical quantity: one class per quantity defines everything about it.
 
-A quantity declares its names, the evidence from which it is estimated, and its place in the user's
-MJCF: whether the file states it, its prior until it is measured, and the changes of the file that
-write a value. A subclass declares `id`, `unit` and `subject` and overrides what applies to it: a
-velocity has no body, a temperature no place in MJCF.
+A quantity declares its names, the evidence for its estimate, and its place in the user's MJCF. The latter covers
+three questions: does the file state it, which prior it has before a measurement, and which edits write a value.
+A subclass declares `id`, `unit` and `subject` and overrides what applies to it. For example, a velocity has no
+body, and a temperature no place in MJCF.
 """
 
 from __future__ import annotations
@@ -28,36 +28,36 @@ from palpate.trace.recording import Activity, Context, pose_name
 from palpate.trace.samples import Trace
 
 Status = Literal["known", "missing", "assumed", "not applicable"]
-"""In the user's file: stated, left out or written `?`, inferred by MuJoCo, or without a place."""
+"""Status in the user's file: stated, omitted or written `?`, inferred by MuJoCo, or without a place."""
 Values = Mapping[Parameter, tuple[float, ...]]
 Logged = tuple[str, Context]
-"""Buffer of a recording and the context in which it was made."""
+"""Buffer of a recording, and its context."""
 Piece = tuple[int, str]
-"""Index of a kind of evidence, and the key of one recording of it."""
+"""Index of a kind of evidence, and key of one recording of that kind."""
 GRIPPER = "gripper"
 """Subject of recordings with an empty gripper."""
 
 
 @dataclass(frozen=True, slots=True)
 class Evidence:
-    """Kind of recording from which a quantity is estimated. The check of plans, the symbolic search, the
-    prompt, the conversions and the judgement of studies read it from here.
+    """Kind of recording from which a quantity is estimated.
+
+    The check of plans, the symbolic search, the prompt, the conversions and the judgement of studies read it.
 
     Attributes:
-        buffer: the buffer that is logged.
-        how: instruction for its recording, for prompts and explanations.
+        buffer: logged buffer.
+        how: instruction for the recording, for prompts and explanations.
         activity: activities during the recording; any if empty.
-        empty: recorded with an empty hand where it would hold the object.
-        holding: about the held object; otherwise about the surface touched, or about the moving held
-            object or gripper.
-        distinct: part of the context that makes several recordings different, grasp or place; None if
-            they are all alike.
-        count: number of different recordings that are needed.
-        better: number of different recordings that is preferred where they take little effort.
-        place: X, of evidence that is recorded at `<object>_X`; anywhere if empty.
-        as_grasped: recorded where the held object was grasped, or right above.
-        optional: recorded where the scene has room for it; the estimate does not need it.
-        tool: kind of object that is held while the recording is made of another; none if empty.
+        empty: True if recorded with an empty hand at the place where it would hold the object.
+        holding: True if about the held object; else about the surface touched, or about the moving held object or
+            gripper.
+        distinct: part of the context that makes recordings different, grasp or place; None if all are alike.
+        count: required number of different recordings.
+        better: preferred number of different recordings where they take little effort.
+        place: X of evidence that is recorded at `<object>_X`; anywhere if empty.
+        as_grasped: True if recorded where the held object was grasped, or right above.
+        optional: True if recorded only where the scene has room; the estimate does not need it.
+        tool: kind of object that is held while another one is measured; none if empty.
     """
 
     buffer: str
@@ -74,8 +74,7 @@ class Evidence:
     tool: str = ""
 
     def about(self, context: Context) -> str | None:
-        """Return the object or surface that a recording made in `context` is evidence of; None if it is
-        no evidence."""
+        """Return the object or surface that a recording in `context` is evidence of; None if it is no evidence."""
         if self.activity and context.activity not in self.activity:
             return None
         if self.empty:
@@ -93,8 +92,10 @@ class Evidence:
         return subject if is_there else None
 
     def key(self, context: Context) -> str | None:
-        """Return the grasp or place that distinguishes a recording from others of its kind; empty if they
-        are all alike, None if unknown."""
+        """Return the grasp or place that distinguishes a recording from others of its kind.
+
+        It is empty if all are alike, and None if unknown.
+        """
         if self.distinct is None:
             return ""
         return context.grasp if self.distinct == "grasp" else context.at
@@ -103,7 +104,7 @@ class Evidence:
 def held_and_empty(
     buffer: str, motion: str, activity: Activity, where: str, optional: bool = False
 ) -> tuple[Evidence, Evidence]:
-    """Evidence recorded during a motion primitive, with the held object and, for contrast, without it."""
+    """Evidence recorded during a motion primitive with the held object, and for contrast without it."""
     held, empty = f"while it is held {where}", "at the same pose with the empty hand"
     how = f"in a Parallel with {motion}"
     kinds: tuple[Activity, ...] = (activity,)
@@ -118,8 +119,8 @@ class Prior:
     """Prior of a quantity: independent normal components.
 
     Attributes:
-        mean: a number per component, in the quantity's unit.
-        std: 1 sigma of each; 0 for a number that the file states.
+        mean: one number per component, in the quantity's unit.
+        std: 1 sigma of each; 0 for a number stated by the file.
     """
 
     mean: tuple[float, ...]
@@ -128,11 +129,11 @@ class Prior:
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Effort for a parameter: number and speed of lifts of its object, or number of repetitions.
+    """Effort for a parameter: number and speed of lifts, or number of repetitions.
 
     Attributes:
-        cycles: number of times that the object is grasped, lifted and put back.
-        speed: m/s of the ways between grasp and lift, loaded and empty; None is as fast as is safe.
+        cycles: number of grasps, lifts and put-downs of the object.
+        speed: m/s between grasp and lift, loaded and empty; None for the fastest safe speed.
         times: number of repetitions of the whole measurement.
     """
 
@@ -146,13 +147,13 @@ class Site:
     """Workplace of an object: arm, grasp and lift poses.
 
     Attributes:
-        parameter: the parameter to be measured.
+        parameter: parameter to measure.
         arm: description of the arm.
         pose_world_base: pose of its base.
         grasp, above: poses of the TCP in the world, at the grasp and at the end of the lift.
-        believed: believed value of the quantity, a number per component.
+        believed: believed value of the quantity, one number per component.
         gravity: m/s², magnitude.
-        near_speed: m/s, the speed limit near obstacles.
+        near_speed: m/s, speed limit near obstacles.
     """
 
     parameter: Parameter
@@ -166,29 +167,26 @@ class Site:
 
 
 class Quantity:
-    """A physical quantity that palpate knows by name.
+    """Physical quantity that palpate knows by name.
 
     Attributes:
         id: name in plans, results and on the command line.
         unit: SI unit, as printed.
-        subject: kind of thing that has it, `object`, `surface`, `fixture` or `gripper`.
+        subject: kind of its owner: `object`, `surface`, `fixture` or `gripper`.
         label: name for people; the id unless declared.
-        words: by language, its names in requests, singular, lower case.
+        words: names in requests by language, singular, lower case.
         size: number of components of its value.
-        bounds: least and largest value that is physically possible, of all components or of each; its estimators need
-            not know of them (`quantities.estimators.guarded_estimate`).
-        evidence: recordings from which it is estimated, all of them needed.
-        elsewhere: id of the quantity that its words mean for things which cannot have it.
-        derived: true if those recordings are sufficient; otherwise a conversion primitive has to declare
-            which of them stands for it.
-        how: instruction for its measurement, for prompts and explanations; made of `evidence` unless
-            declared.
-        stands_for: id of the quantity that it measures in another way, and whose place in the file it
-            takes.
-        entire: whether it counts as measured only with all its components.
-        identifiable: whether the vocabulary can measure it at all.
-        estimators: by name, the default first; each `package.module:function`, which is imported when it
-            is used, with the contract of `palpate.estimation.quantities.estimators.Estimator`.
+        bounds: least and largest physically possible value, of all components or of each. Its estimators need not
+            apply them (`quantities.estimators.guarded_estimate`).
+        evidence: recordings for its estimate; all are required.
+        elsewhere: id of the quantity that its words denote for subjects that cannot have it.
+        derived: True if those recordings suffice; else a conversion primitive has to declare one of them.
+        how: instruction for its measurement, for prompts and explanations; built from `evidence` unless declared.
+        stands_for: id of the quantity that it measures in another way, and replaces in the file.
+        entire: True if it counts as measured only with all its components.
+        identifiable: True if the vocabulary can measure it.
+        estimators: references by name, the default first. Each is a `package.module:function`, imported on use, with
+            the contract of `palpate.estimation.quantities.estimators.Estimator`.
     """
 
     id: ClassVar[str]
@@ -217,14 +215,16 @@ class Quantity:
         return f"<{type(self).__name__}: {self.label} of a {self.subject}, {self.unit}>"
 
     def known_as(self) -> str:
-        """Return the id under which the file states it."""
+        """Return the id under which the file states this quantity."""
         return self.stands_for or self.id
 
-    # Evidence: which recordings it is estimated from.
+    # Evidence: recordings for the estimate
 
     def piece(self, parameter: Parameter, buffer: str, context: Context) -> Piece | None:
-        """Return the piece of evidence that a recording is for `parameter`, a parameter of this quantity;
-        None if it is no evidence."""
+        """Return the piece of evidence that a recording is for `parameter`; None if it is no evidence.
+
+        `parameter` must be one of this quantity.
+        """
         for i, evidence in enumerate(self.evidence):
             if buffer == evidence.buffer and evidence.about(context) == parameter.object:
                 key = evidence.key(context)
@@ -237,93 +237,96 @@ class Quantity:
         return {piece for piece in found if piece is not None}
 
     def is_evidenced(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """True if the recordings hold all evidence that `parameter` needs."""
+        """True if the recordings contain all required evidence for `parameter`."""
         kinds = Counter(kind for kind, _ in self.pieces(parameter, logged))
         pairs = enumerate(self.evidence)
         return all(kinds[i] >= evidence.count or evidence.optional for i, evidence in pairs)
 
     def is_told_in_part(self, parameter: Parameter, logged: Iterable[Logged]) -> bool:
-        """True if the recordings of an aborted run suffice for some components of `parameter`, with the
-        prior for the others; by default all evidence is needed."""
+        """True if the recordings of an aborted run suffice for some components of `parameter`.
+
+        The other components keep their prior. By default all evidence is required.
+        """
         return self.is_evidenced(parameter, logged)
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterable[Parameter]:
-        """Return the parameters of other `bodies` that have to be measured before this one of `body`."""
+        """Return the parameters of other `bodies` that must be measured before this quantity of `body`."""
         return ()
 
-    # Place in the user's MJCF: what the file states, and how a value is written.
+    # Place in the user's MJCF: stated values, and how a value is written
 
     def status(self, body: BodyDescription) -> Status:
-        """Status in the file of this quantity of `body`, which is of its subject."""
+        """Status in the file of this quantity of `body`, a body of its subject."""
         return "not applicable"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
-        """Value that the file states; called only where it states one. The compiled one by default."""
+        """Value stated by the file, by default the compiled one; called only where it is stated."""
         compiled = self.compiled(body)
         if compiled is None:
             raise NotImplementedError(f"{self.id} has no place in MJCF")
         return compiled
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...] | None:
-        """Value that acts in the compiled model of `body`, whatever the file leaves to MuJoCo's defaults;
-        None if there is no such value. By default the one that the file states."""
+        """Value in the compiled model of `body`, including MuJoCo's defaults; None if there is none.
+
+        By default it is the value stated by the file.
+        """
         reads_file = type(self).known is not Quantity.known
         return self.known(body) if reads_file and self.status(body) == "known" else None
 
     def overruled(self, body: BodyDescription) -> str:
-        """Name the statement elsewhere in the file that overrides the one of `body`; empty if there
-        is none."""
+        """Name the statement elsewhere in the file that overrides that of `body`; empty if there is none."""
         return ""
 
     def slots(self, elements: Elements) -> Iterable[Slot]:
-        """Attributes in which a `?` may stand for it, with their placeholders until it is measured."""
+        """Attributes in which a `?` may represent it, with placeholders until it is measured."""
         return ()
 
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterable[Change | Statement]:
-        """Changes of the file that state `value`; `std` decides how many digits are written.
+        """Changes of the file that state `value`; `std` determines the number of written digits.
 
         Raises:
-            InputError: a value that has no place in this file.
+            InputError: The value has no place in this file.
         """
         return ()
 
     def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
-        """Check that `body`, compiled with the believed `value` in place, shows it.
+        """Check that `body`, compiled with the believed `value`, has that value.
 
         Raises:
-            InputError: it does not: the open numbers of the file mean something else.
+            InputError: It has another value: the open numbers of the file have another meaning.
         """
 
     def places(self, body: Body, value: tuple[float, ...]) -> Pose | None:
-        """Pose of the frame of `body` in the world once `value` is measured; None if the value does
-        not move it."""
+        """Pose of the frame of `body` in the world once `value` is measured; None if the value does not move it."""
         return None
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterable[Edit]:
-        """Changes of the file that follow for `body` from the believed values of all others."""
+        """Changes of the file for `body` that follow from the believed values of all other quantities."""
         return ()
 
-    # Belief before a measurement.
+    # Prior before a measurement
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior where it is missing; `believed` holds the values of the quantities before it in the
-        catalogue."""
+        """Prior of a missing value; `believed` holds the values of earlier quantities in the catalogue."""
         raise NotImplementedError(f"{self.id} has no place in MJCF")
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Draw a hidden truth for a simulated world, around the prior."""
+        """Draw a hidden truth around the prior for a simulated world."""
         return prior.mean
 
-    # Precision of a measurement that is planned.
+    # Predicted precision of a planned measurement
 
     def floor(self, site: Site) -> float:
-        """1 sigma that no repetition of the work at a site narrows, as far as that is predictable."""
+        """1 sigma that repetition at a site does not reduce, as far as it is predictable."""
         return 0.0
 
     def effort(self, site: Site, std: float, trace: Trace | None) -> Effort | None:
-        """Least work at a site after which noise leaves no more than `std`. The noise is that of the arm's
-        description, or of a `trace` of the same measurement. None where there is no prediction: it is
-        measured as often as the noise so far requires."""
+        """Least effort at a site after which noise contributes at most `std`.
+
+        The noise is that of the arm's description, or of a `trace` of the same measurement. Returns None without a
+        prediction: the number of repetitions then follows from the noise so far.
+        """
         return None

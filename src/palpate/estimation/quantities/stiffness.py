@@ -1,8 +1,8 @@
 """Stiffness, damping and restitution of a compliant surface: a mat, a cloth, a cushion.
 
-In the file they are the `solref` of its geoms, with a constant impedance (`mjcf.contacts`), for what presses as the
-fingertips do. MuJoCo rates a contact by the mass of what presses and by its number of points; a stiffness in N/m that
-holds for everything is not representable.
+In the file they are the `solref` of its geoms, with a constant impedance (`mjcf.contacts`), for contacts like those of
+the fingertips. MuJoCo scales a contact by the mass of the pressing body and by the number of contact points. It cannot
+represent a stiffness in N/m for all bodies.
 """
 
 from __future__ import annotations
@@ -41,19 +41,21 @@ from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Trace
 
 RESOLVED = 1.0 / 3.0
-"""part of a compliance that its standard deviation may be for a stiffness to have an upper end. Sensitive: no."""
+"""Largest ratio of a compliance's std to its value at which the stiffness has an upper end. Sensitive: no."""
 
 UNIT, DAMPING_UNIT, RESTITUTION_UNIT = "N/m", "N·s/m", "1"
 UNRESOLVED = (
     "it is too little to be told from the arm's friction and inertia at the speed of a touch"
 )
 WIDEST = 0.5
-"""Width of an interval of the restitution, between 0 and 1, from which on it says nothing."""
+"""Width of an interval of the restitution, between 0 and 1, above which it is not informative."""
 
 
 class Stiffness(Quantity):
-    """Force over depth of what both fingertips press on; in the file the `solref` of its geoms, as it acts under
-    the fingertips."""
+    """Force over depth of a surface under both fingertips.
+
+    In the file it is the `solref` of its geoms that gives this stiffness under the fingertips.
+    """
 
     id = "stiffness"
     unit = UNIT
@@ -89,7 +91,7 @@ class Stiffness(Quantity):
 
 
 class ContactDamping(Quantity):
-    """Damping of a compliant surface under both fingertips: force over the speed at which they sink in."""
+    """Damping of a compliant surface under both fingertips: force over their downward speed."""
 
     id = "contact_damping"
     unit = DAMPING_UNIT
@@ -109,7 +111,7 @@ class ContactDamping(Quantity):
     estimators: ClassVar = {"spring": "palpate.estimation.quantities.stiffness:estimate_damping"}
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
-        """Its stiffness, without which it acts on nothing."""
+        """Its stiffness, without which damping has no effect."""
         if "stiffness" not in body.known:
             yield Parameter(body.name, "stiffness")
 
@@ -132,8 +134,10 @@ class ContactDamping(Quantity):
 
 
 class Restitution(Quantity):
-    """Share of its speed with which a body of 1 kg that falls on a surface returns, from the stiffness and the
-    damping of a press. MuJoCo has no number for it that holds for every mass; the twin has it in `<custom>`."""
+    """Fraction of its speed with which a body of 1 kg rebounds from a surface, from stiffness and damping of a press.
+
+    MuJoCo has no number for it that holds for every mass; the twin states it in `<custom>`.
+    """
 
     id = "restitution"
     unit = RESTITUTION_UNIT
@@ -155,12 +159,12 @@ class Restitution(Quantity):
 
 
 def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Stiffness of a surface from every guarded descent on it, and `first contact` (world z, m).
+    """Stiffness of a surface from every guarded descent on it, with `first contact` (world z, m).
 
-    The compliance is estimated; the interval of the stiffness is the reciprocal of its interval.
+    The compliance is estimated. The interval of the stiffness is the reciprocal of its interval.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
@@ -169,14 +173,14 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
         nothing = f"No descent pressed on {parameter.object}."
         return not_identified(parameter, UNIT, nothing, recordings)
     common = trace.hand.tip_compliance_std
-    # The compliance of the tips is in every touch: it is no noise that a mean averages.
+    # Tip compliance is common to all touches: average the rest by inverse variances.
     own = [float(np.sqrt(spring.compliance_std**2 - common**2)) for spring in found]
     weights = np.array(own) ** -2.0
     compliances = np.array([spring.compliance for spring in found])
     mean = float(np.average(compliances, weights=weights))
     std = float(np.hypot(weights.sum() ** -0.5, common))
     most = max(spring.at_most(2.0) for spring in found)
-    # What is as stiff as a table is one, below something soft, unless it was met at the surface's own top.
+    # As stiff as a table, a support counts as one below a soft layer, unless it was met at the surface's own top.
     is_table = most < RIGID and not all(met_at_top(touch, body, trace.hand) for touch in touches)
     if is_table or mean < std / RESOLVED:
         stiffer = 1.0 / (most if is_table else max(mean, 0.0) + Z95 * std)
@@ -186,6 +190,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
             "stiff as a table: pressing with the fingertips does not resolve it."
         )
         return not_identified(parameter, UNIT, reason, recordings)
+    # Ends of the interval: reciprocals of the compliance's ends.
     misfit = float(np.sum(weights * (compliances - mean) ** 2))
     ends = (1.0 / (mean + Z95 * std), 1.0 / (mean - Z95 * std))
     times = "" if len(found) == 1 else f", {len(found)} times"
@@ -217,8 +222,10 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
 
 
 def met_at_top(touch: SurfaceTouch, body: Body | None, hand: NominalHand) -> bool:
-    """True if the fingertips were stopped where the scene states the top of the surface: nothing soft, felt or too
-    soft to be felt, is above what stopped them."""
+    """True if the fingertips stopped at the surface's top as the scene states it.
+
+    Then no soft layer lies above the stop, whether its force was measurable or not.
+    """
     if body is None or "height" in body.missing or touch.pressed_through:
         return False
     return body.top_z() - touch.first < SOFT + 2.0 * hand.tip_offset_std
@@ -227,7 +234,7 @@ def met_at_top(touch: SurfaceTouch, body: Body | None, hand: NominalHand) -> boo
 def spring_tests(
     found: Sequence[Spring], touches: Sequence[SurfaceTouch], misfit: float
 ) -> Iterator[FitTest]:
-    """Goodness-of-fit tests of one linear spring under both fingers."""
+    """Yield goodness-of-fit tests of one linear spring under both fingers."""
     yield FitTest(
         "one spring",
         max(spring.unevenness for spring in found),
@@ -249,11 +256,12 @@ def spring_tests(
 
 
 def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Damping of a surface from every guarded descent on it: the force that comes with the speed and not with the
-    depth.
+    """Damping of a surface from every guarded descent on it.
+
+    It is the force that depends on speed and not on depth.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
     if not spring.has_value:
@@ -275,18 +283,18 @@ def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> E
 
 
 def mean_damping(found: Sequence[Spring]) -> tuple[float, float]:
-    """Weighted mean of the dampings of several touches, N s/m, with its standard deviation."""
+    """Weighted mean of the dampings of several touches, N s/m, and its standard deviation."""
     stds = np.array([spring.damping_std for spring in found])
     value = np.average([spring.damping for spring in found], weights=stds**-2.0)
-    # Free air wanders alike in all descents of an arm: a mean halves it at most.
+    # Drift in free air is similar in all descents of an arm: a mean halves it at most.
     return float(value), max(float(np.sum(stds**-2.0)) ** -0.5, float(stds.min()) / 2.0)
 
 
 def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
-    """Coefficient of restitution of a body of 1 kg from the stiffness and the damping of the surface.
+    """Coefficient of restitution of a body of 1 kg from the stiffness and damping of the surface.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
     if not spring.has_value:
@@ -298,11 +306,12 @@ def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) 
     touches = touches_of(trace, spring.evidence)
     damping, std = mean_damping([touch.spring for touch in touches])
     stiffness = float(spring.values[0])
-    # zeta = d / (2 sqrt(k m)): the relative error of k counts half.
+    # zeta = d / (2 sqrt(k m)): the relative error of k counts by half.
     doubt = Z95 * float(np.hypot(std, damping * float(spring.stds[0]) / stiffness / 2.0))
     least, most = (
         restitution(damping_ratio(stiffness, one)) for one in (damping + doubt, damping - doubt)
     )
+    # A wide interval within the physical range carries no information.
     possible = min(most, 1.0)
     if possible - least > WIDEST:
         reason = (

@@ -1,4 +1,4 @@
-"""Temperature, which a person reads off a thermometer that the arm holds."""
+"""Temperature, read by a person from a thermometer that the arm holds."""
 
 from __future__ import annotations
 
@@ -8,8 +8,10 @@ from palpate.estimation.quantities.quantity import Evidence, Quantity
 
 
 class Temperature(Quantity):
-    """Temperature of an object. It is in no catalogue: no primitive of palpate's own reads it, and MJCF has
-    no place for it."""
+    """Temperature of an object.
+
+    It is in no catalogue: no primitive of palpate reads it, and MJCF has no place for it.
+    """
 
     id = "temperature"
     unit = "°C"

@@ -1,8 +1,7 @@
 """Requested half widths of 95 % intervals, and their fulfilment.
 
-`--within mass=1g` requests a 95 % interval of every mass that reaches 1 g to either side. Repetition
-narrows the part of the interval that is noise. The part that all measurements share, such as a sensor's
-gain, is a floor.
+`--within mass=1g` requests 95 % intervals of every mass with a half width of 1 g. Repetition narrows the part of
+the interval that is noise. The part shared by all measurements, such as a sensor's gain, is a floor.
 """
 
 from __future__ import annotations
@@ -28,13 +27,13 @@ UNITS: Mapping[str, Mapping[str, float]] = {
 }
 """Units in which a width may be given, by SI unit."""
 NEAR_FLOOR = 1.1
-"""An interval up to this factor wider than its floor is at its floor: further work would narrow it by a
-tenth at most."""
+"""Largest ratio of an interval to its floor that counts as at the floor: more work would narrow it by a tenth at
+most."""
 SPARE = 0.9
-"""Share of the permitted noise at which work aims, because predictions are not exact."""
+"""Fraction of the permitted noise that plans aim at, because predictions are not exact."""
 DECISIVE = 3.0
-"""Part of the way from a bound to the one-sided limit of a value there, that the 95 % interval shall reach to either
-side: the bound is then excluded unless the value is in the lower third."""
+"""Ratio of the one-sided limit's distance from a bound to the requested half width. The bound is then excluded unless
+the value is in the lower third."""
 JOINT = re.compile(r"joint \d+$")
 CURES = {
     "arm": "; calibrate the arm to go below",
@@ -51,8 +50,9 @@ class Precision:
     """Requested and reached precision of an estimate.
 
     Attributes:
-        asked, reached, floor: half widths of the 95 % interval in the estimate's unit: requested, present
-            (infinite without a value), and in the limit of many repetitions.
+        asked: requested half width of the 95 % interval, in the estimate's unit.
+        reached: present half width; infinite without a value.
+        floor: half width in the limit of many repetitions.
         cause: main cause of the floor, in words; empty without one.
         of: owner of that cause, `arm` or `scene`.
     """
@@ -65,7 +65,7 @@ class Precision:
 
     @property
     def outcome(self) -> Outcome:
-        """`reached`; `floor` if repetition would not narrow it further; else `rounds used up`."""
+        """`reached`; `floor` if repetition does not narrow it further; else `rounds used up`."""
         if self.reached <= self.asked:
             return "reached"
         if self.reached <= NEAR_FLOOR * self.floor:
@@ -73,7 +73,7 @@ class Precision:
         return "rounds used up"
 
     def in_words(self, unit: str) -> str:
-        """Describe the outcome in a sentence for people."""
+        """Describe the outcome in one sentence for people."""
         asked, reached = format_width(self.asked, unit), format_width(self.reached, unit)
         if self.outcome == "reached":
             return f"Within {asked} was asked: {reached} is reached."
@@ -88,8 +88,10 @@ class Precision:
 
     @property
     def further_std(self) -> float:
-        """1 sigma of noise permitted for further work alone, so that combined with the present estimate the
-        interval becomes as narrow as requested, or as possible."""
+        """1 sigma of noise permitted for further work.
+
+        Combined with the present estimate, the interval then becomes as narrow as requested, or as possible.
+        """
         present, wanted = self._noise, noise_std(self.asked, self.floor / Z95)
         if wanted >= present:
             return present
@@ -97,8 +99,7 @@ class Precision:
         return 1.0 / math.sqrt(wanted**-2 - present**-2)
 
     def further(self, times: int) -> int:
-        """Number of further repetitions after `times`, at least one: the std of a mean falls with
-        the root of their number."""
+        """Number of further repetitions after `times`, at least one: the std of a mean falls with its square root."""
         wanted = noise_std(self.asked, self.floor / Z95)
         return max(1, math.ceil(times * ((self._noise / wanted) ** 2 - 1.0)))
 
@@ -116,12 +117,14 @@ class Within:
 
     @classmethod
     def read(cls, asked: Any) -> Within:
-        """Parse a request: a mapping `{"mass": "1g", "bottle.height": 0.001}`, a comma list
-        `"mass=1g, com=2mm"`, or several of these.
+        """Parse a request.
+
+        It is a mapping `{"mass": "1g", "bottle.height": 0.001}`, a comma list `"mass=1g, com=2mm"`, or several of
+        these.
 
         Raises:
-            InputError: not of such a form, no such quantity or unit, or no positive number; the
-                message lists the valid ones.
+            InputError: The form is wrong, the quantity or unit is unknown, or the number is not positive; the message
+                lists the valid ones.
         """
         listed = asked.split(",") if isinstance(asked, str) else asked
         entries: dict[str, Any] = {}
@@ -144,16 +147,15 @@ class Within:
         return iter(self.widths)
 
     def of(self, parameter: Parameter) -> float | None:
-        """Requested half width of a parameter, of itself or else of its quantity; None if there is
-        none."""
+        """Requested half width of a parameter, else of its quantity; None if there is none."""
         widths = dict(self.widths)
         return widths.get(str(parameter), widths.get(parameter.quantity))
 
     def check(self, names: Collection[str]) -> None:
-        """Check that the objects in it exist.
+        """Check that all named objects exist.
 
         Raises:
-            InputError: an object is none of `names`; the message lists them.
+            InputError: An object is none of `names`; the message lists them.
         """
         for name, _ in self.widths:
             object = name.rpartition(".")[0]
@@ -161,19 +163,22 @@ class Within:
                 raise unknown_name("object in within=", object, names)
 
     def precision(self, estimate: Estimate) -> Precision | None:
-        """Precision of the widest component; None without a request. Components without evidence do not
-        count, because no repetition narrows them."""
+        """Precision of the widest component; None without a request.
+
+        Components without evidence do not count, because repetition does not narrow them.
+        """
         asked = self.of(estimate.parameter)
         if asked is None:
             return None
         if not estimate.has_value:
             return Precision(asked, math.inf, 0.0)
+        # Widest component that repetition can narrow, and its floor: the errors shared by all runs.
         half = (estimate.intervals[:, 1] - estimate.intervals[:, 0]) / 2.0
         narrowable = np.delete(np.arange(len(half)), estimate.unseen)
         candidates = narrowable if len(narrowable) else np.arange(len(half))
         widest = int(candidates[half[candidates].argmax()])
         floor = Z95 * float(estimate.shared_std[widest])
-        # Sum of squares by cause and owner; causes that differ only in the joint are added.
+        # Find the main cause: squares by cause and owner; causes that differ only in the joint are added.
         squares: dict[tuple[str, str], float] = {}
         for shared in estimate.shared:
             kind = JOINT.sub("the joints", shared.cause), shared.of
@@ -182,7 +187,7 @@ class Within:
         return Precision(asked, float(half[widest]), floor, cause, owner)
 
     def told(self, estimate: Estimate) -> Estimate:
-        """Return the estimate; if a width was requested, with the outcome added to its method, else with advice."""
+        """Add the outcome of a requested width to the method; without a request, add advice."""
         precision = self.precision(estimate)
         if precision is None or not estimate.has_value:
             return advised(estimate)
@@ -190,7 +195,7 @@ class Within:
 
 
 def advised(estimate: Estimate) -> Estimate:
-    """Return the estimate; if it is at a bound, with the width that would tell it from there added to its reason."""
+    """Add advice to the reason of an estimate at a bound: the width that would exclude the bound."""
     limit = estimate.limits[0] if len(estimate.values) == 1 else None
     bound = estimate.at_bound[0] if limit is not None else None
     if limit is None or bound is None:
@@ -211,8 +216,10 @@ def advised(estimate: Estimate) -> Estimate:
 
 
 def noise_std(width: float, floor: float) -> float:
-    """1 sigma of noise permitted with a `floor` (1 sigma), so that the half width of the 95 % interval is
-    `width`, or the interval is at its floor."""
+    """1 sigma of permitted noise for a half width `width` of the 95 % interval, with a `floor` (1 sigma).
+
+    If the floor is larger, the noise is that of an interval at its floor.
+    """
     aim = max(width / Z95, NEAR_FLOOR * floor)
     return SPARE * math.sqrt(aim**2 - floor**2)
 
