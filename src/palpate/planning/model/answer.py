@@ -1,7 +1,7 @@
-"""Reading of a model's answer: the plan amid prose and code fences, nested or as a flat list of nodes.
+"""Parsing of a model's answer: a plan in prose or code fences, nested or as a flat list of nodes.
 
-The answer is untrusted: its size and the number of attempts at reading it are bounded. Unambiguous
-deviations from JSON, or from a plan's form, are repaired; all others are left for a finding.
+The answer is untrusted: its size and the number of parsing attempts are bounded. Unambiguous
+deviations from JSON or from the form of a plan are repaired. All others result in a finding.
 """
 
 from __future__ import annotations
@@ -22,22 +22,23 @@ from palpate.planning.plan import MAX_BYTES, MAX_NESTING, Plan, nesting, parse_p
 from palpate.scene.detections import SceneObject, Shape
 
 MAX_ATTEMPTS = 200
-"""Opening braces from which JSON is tried to be read."""
+"""Maximum number of opening braces at which JSON is parsed."""
 MAX_REPAIRED = 8
-"""Opening braces from which text is tried to be repaired."""
+"""Maximum number of opening braces at which text is repaired."""
 LARGEST_REPAIRED = 100_000
-"""Characters of a text to be repaired; a plan of fifteen objects has some 20 000."""
+"""Characters. Maximum length of a repaired text; a plan of fifteen objects has about 20 000."""
 MAX_COMMENTS = 200
-"""Block comments to be removed; the search for the end of each may take the whole answer."""
+"""Maximum number of block comments; the search for each end may scan the whole answer."""
 MAX_OBJECTS = 100
-"""Objects of a scene that a model may list."""
+"""Maximum number of objects in a model's scene."""
 
 REASONING = "the answer holds reasoning alone; return the JSON object after it"
 NO_JSON = "there is no JSON object in the answer; return one with parameters, explanation and tree"
 NO_TREE = "the JSON object has no field 'tree'; return one with parameters, explanation and tree"
 QUOTES = "JSON takes double quotes around names and texts; return the whole object again"
 
-# A string without an end takes the rest: else each of its quotes would be tried as a beginning.
+# An unterminated string extends to the end of the text. Otherwise each later quote would be tried
+# as a start.
 _STRING = r'"(?:[^"\\]|\\.)*(?:"|\Z)'
 _BRACE = re.compile(r"\{")
 _QUOTED = re.compile(r"\{\s*['‘“]")
@@ -60,26 +61,25 @@ _REASONING = re.compile(
     r"|(?P<end3><\|channel\|>final|<unused95>|<channel\|>)",
     re.IGNORECASE,
 )
-"""Tag that begins or ends a model's reasoning."""
+"""Tag at the start or end of a model's reasoning."""
 _ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
 _LITERALS = {"None": "null", "True": "true", "False": "false"}
 
 
 @dataclass(frozen=True, slots=True)
 class Proposal:
-    """Content of an answer: a plan, and, without a scene, the detected objects."""
+    """Content of an answer: a plan and, without a scene, the detected objects."""
 
     plan: Plan
     scene: tuple[SceneObject, ...] = ()
 
 
 def read_answer(text: str) -> Proposal:
-    """The proposal in a model's answer: the last JSON object in it that has a `tree`, or a list of
-    `nodes`.
+    """Return the proposal in an answer: its last JSON object with a `tree` or a list of `nodes`.
 
     Raises:
-        InputError: there is none, it is broken or not of a plan's form; worded so that the model
-            can repair it.
+        InputError: there is none, or it is broken or not in the form of a plan. The message enables
+            the model to repair it.
     """
     if not text.strip():
         raise InputError(
@@ -89,11 +89,12 @@ def read_answer(text: str) -> Proposal:
         raise InputError(
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
+    # Find the plan outside the reasoning, which may contain drafts.
     text = without_reasoning(text)
     if not text.strip():
         raise InputError(REASONING)
     source, written = plan_object(text)
-    # Before any recursion over the document.
+    # Test the depth before any recursion over the document.
     if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
     unique_json(source)
@@ -103,12 +104,17 @@ def read_answer(text: str) -> Proposal:
 
 
 def without_reasoning(text: str) -> str:
-    """Remove a model's reasoning from its answer: text between two tags, before a single closing tag (a chat
-    template may have opened it), and after a single opening tag (the answer was cut off)."""
+    """Remove a model's reasoning from its answer.
+
+    The reasoning is the text between two tags, before a single closing tag, or after a single
+    opening tag. A chat template may have opened the first one. The last one belongs to a truncated
+    answer.
+    """
     alone = text.strip("\ufeff \t\r\n")
     value, end, _ = decode_json(alone, 0)
     if value is not None and end == len(alone):
         return text  # its strings may hold tags
+    # Keep the text outside the tags; a closing tag alone discards all text before it.
     kept: list[str] = []
     position, inside = 0, False
     for tag in _REASONING.finditer(text):
@@ -120,8 +126,10 @@ def without_reasoning(text: str) -> str:
 
 
 def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
-    """Attempts at the JSON objects in a text, those inside others left out: start and end, the value,
-    and, where it is None, the fault."""
+    """Yield attempts to decode the outermost JSON objects in a text.
+
+    Each attempt has a start, an end, the value, and the error if the value is None.
+    """
     position = 0
     for _ in range(MAX_ATTEMPTS):
         opening = _OPENING.search(text, position)
@@ -130,25 +138,25 @@ def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
         start = opening.start()
         value, end, fault = decode_json(text, start)
         yield start, end, value, fault
-        # Behind a whole object, else into a broken one, which may hold whole ones.
+        # Continue after a complete object, or inside a broken one, which may contain complete ones.
         position = start + 1 if value is None else end
 
 
 def json_objects(text: str) -> Iterator[dict[str, Any]]:
-    """The JSON objects in an answer, those inside others and in reasoning left out."""
+    """Yield the outermost JSON objects in an answer, without its reasoning."""
     for _, _, value, _ in decoded_objects(without_reasoning(text)):
         if isinstance(value, dict):
             yield cast("dict[str, Any]", value)
 
 
 def plan_object(text: str) -> tuple[str, dict[str, Any]]:
-    """The source and content of the last JSON object that is a plan, else of the first that is one
-    after its repair.
+    """Return the source and content of the last plan in a text, else of the first repairable one.
 
     Raises:
-        InputError: there is none; the fault is that of the longest attempt. Or an object that breaks
-            off follows: the plan before may be a draft.
+        InputError: there is none; the error is that of the longest attempt. Or a truncated object
+            follows, because the plan before it may be a draft.
     """
+    # Keep the last plan, and the error of the longest broken object.
     found: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
@@ -162,7 +170,7 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
             furthest, problem = end - start, fault
     if found is not None:
         return found
-    # Repair is tried only where no answer is valid JSON as written.
+    # Try repairs only if no object is valid as written.
     for opening in islice(
         _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
     ):
@@ -175,11 +183,16 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
 
 
 def decode_json(text: str, start: int) -> tuple[object, int, str]:
-    """The JSON value at `start`, its end, and the message for one that is no plan. A broken one is None,
-    with the place and the fault."""
+    """Decode the JSON value at `start`.
+
+    Returns:
+        The value, its end, and the message for an object that is no plan. For broken JSON, None
+        with the place and the error.
+    """
     try:
         value, end = _DECODER.raw_decode(text, start)
     except json.JSONDecodeError as error:
+        # An error at the end of the text means truncation.
         at_end = error.pos >= len(text.rstrip()) - 1
         what = "breaks off" if at_end or "Unterminated" in error.msg else "is not valid"
         near = text[max(start, error.pos - 40) : error.pos]
@@ -193,8 +206,11 @@ def decode_json(text: str, start: int) -> tuple[object, int, str]:
 
 
 def repair_json(text: str) -> str:
-    """Remove from JSON comments, trailing commas and other kinds of blanks; translate Python's words for
-    null, true and false, and its single quotes. In strings, only line ends and the like are escaped."""
+    """Repair JSON text.
+
+    Comments, trailing commas and special blanks are removed. Python's null, true, false and single
+    quotes are translated. Control characters in strings are escaped.
+    """
     if text.count("/*") > MAX_COMMENTS:
         return text
 
@@ -209,7 +225,7 @@ def repair_json(text: str) -> str:
 
 
 def to_double_quotes(token: str) -> str:
-    """A string in single quotes as one in double quotes."""
+    """Convert a single-quoted string to double quotes."""
     inner = re.sub(r"\\.|\"", lambda m: {"\\'": "'", '"': '\\"'}.get(m[0], m[0]), token[1:-1])
     return f'"{inner}"'
 
@@ -232,10 +248,10 @@ class _SceneObject(BaseModel):
 
 
 def scene_objects(value: object) -> tuple[SceneObject, ...]:
-    """The detected objects that an answer lists.
+    """Return the detected objects in an answer.
 
     Raises:
-        InputError: too many, or not of their form.
+        InputError: too many objects, or an invalid one.
     """
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise InputError("scene: must be a list of objects with name, shape and bbox")
@@ -245,6 +261,7 @@ def scene_objects(value: object) -> tuple[SceneObject, ...]:
     found: list[SceneObject] = []
     for i, item in enumerate(items):
         try:
+            # Keys are redacted before any text is stored.
             read = _SceneObject.model_validate(redact_document(item))
         except ValidationError as error:
             first = error.errors()[0]

@@ -1,5 +1,7 @@
-"""Record of a dialogue with a model: complete but for headers and keys, so that it can be replayed without a
-network."""
+"""Record of a dialogue with a model, for a replay without network.
+
+It is complete except for headers and keys.
+"""
 
 from __future__ import annotations
 
@@ -15,7 +17,7 @@ from palpate.common.files import read_text
 from palpate.planning.plan import MAX_BYTES
 
 MAX_CONVERSATION = 20 * MAX_BYTES
-"""Bytes of a file that may be a conversation."""
+"""bytes. Maximum size of a conversation file."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -23,12 +25,12 @@ class Answer:
     """Answer to one message.
 
     Attributes:
-        text: the model's words.
-        model: the name that the provider reports.
-        input_tokens, cached_tokens, output_tokens: as the provider counts them.
-        cost: US dollars by the list price, None where no price is known.
-        seconds: wall time, waits for retries included.
-        requests: number of requests, retries included.
+        text: the model's text.
+        model: model name as reported by the provider.
+        input_tokens, cached_tokens, output_tokens: as counted by the provider.
+        cost: US dollars by list price; None without a known price.
+        seconds: wall time, including waits before retries.
+        requests: number of requests, including retries.
         finish: the provider's reason for the end, e.g. `stop`, `length`, `content_filter`.
     """
 
@@ -48,9 +50,11 @@ class Round:
     """Message to the model, its answer, and the outcome.
 
     Attributes:
+        message: the message.
+        answer: the answer.
         findings: findings of the check on the answer.
-        parameters: promised parameters of its plan, `object.quantity` each.
-        changed: differences from the plan before, a line each: `-` removed, `+` new.
+        parameters: parameters of its plan, `object.quantity` each.
+        changed: differences from the previous plan, one per line: `-` removed, `+` new.
         objection: objection of a critic to the plan.
         question: question about the plan, which passed the check.
     """
@@ -70,9 +74,11 @@ class Critique:
 
     Attributes:
         planner: the critic's `PROVIDER:MODEL`, as configured.
-        system, message: the prompt and the message that it was sent.
+        system: the system prompt of the critic.
+        message: the message to the critic.
         answer: its answer; None with a reason in `error`.
-        objection: its objection; empty for none.
+        objection: its objection; empty without one.
+        error: reason why there is no answer.
     """
 
     planner: str
@@ -85,13 +91,14 @@ class Critique:
 
 @dataclass(slots=True)
 class Conversation:
-    """Whole dialogue, as it is kept in the run folder.
+    """Complete dialogue, as stored in the run folder.
 
     Attributes:
         planner: `PROVIDER:MODEL`, as configured, e.g. `openai:gpt-4o`.
         system: the system prompt as sent.
         images: width and height in pixels and SHA-256 of every picture as sent.
-        critique: remarks of a second model on the plan, if one was asked.
+        rounds: messages and answers in order.
+        critique: remarks of a second model on the plan, if configured.
     """
 
     planner: str
@@ -102,7 +109,7 @@ class Conversation:
 
     @property
     def answers(self) -> list[Answer]:
-        """All answers, those of a critic included."""
+        """All answers, including that of a critic."""
         found = [r.answer for r in self.rounds]
         if self.critique is not None and self.critique.answer is not None:
             found.append(self.critique.answer)
@@ -115,16 +122,16 @@ class Conversation:
 
     @property
     def cost(self) -> float | None:
-        """US dollars so far; None when an answer has no known price."""
+        """US dollars so far; None if an answer has no known price."""
         # One unknown price makes the sum unknown.
         costs = [answer.cost for answer in self.answers if answer.cost is not None]
         return sum(costs) if len(costs) == len(self.answers) else None
 
     def summary(self) -> dict[str, Any]:
-        """Figures for `plan.json`."""
+        """Return the statistics for `plan.json`."""
         answers, rounds, cost = self.answers, self.rounds, self.cost
         findings = [list(r.findings) for r in rounds]
-        # An answer that a question changed was not right at first; one that stayed was.
+        # An answer counts as right at first only if a later question did not change the plan.
         questioned = next((i for i, r in enumerate(rounds, start=1) if r.question), len(rounds))
         revised = any(r.changed for r in rounds[questioned : questioned + 1])
         figures: dict[str, Any] = {
@@ -156,15 +163,15 @@ class Conversation:
         return {"model": figures}
 
     def dump(self) -> str:
-        """JSON text, which `load` reads back."""
+        """Return JSON text that `load` reads."""
         return json_text(asdict(self), indent=2) + "\n"
 
     @classmethod
     def load(cls, text: str) -> Conversation:
-        """A conversation from its JSON text.
+        """Read a conversation from its JSON text.
 
         Raises:
-            InputError: it is not one.
+            InputError: the text is no conversation.
         """
         try:
             return TypeAdapter(cls).validate_json(text)
@@ -177,7 +184,7 @@ class Conversation:
 
 
 def read_conversation(path: Path) -> Conversation:
-    """A conversation from its file.
+    """Read a conversation from its file.
 
     Raises:
         InputError: no such file, or not a conversation.

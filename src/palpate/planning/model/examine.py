@@ -1,5 +1,7 @@
-"""Examination of a model for `palpate doctor --planner`: availability, context and sight, line by line,
-with remedies."""
+"""Examination of a model for `palpate doctor --planner`, with remedies line by line.
+
+It tests availability, context length and vision.
+"""
 
 from __future__ import annotations
 
@@ -26,10 +28,10 @@ from palpate.planning.model.settings import Budget
 from palpate.primitives.registry import vocabulary
 
 Line = tuple[bool, str, str]
-"""Passed or not, subject, and finding or remedy."""
+"""Success flag, subject, and finding or remedy."""
 
 LISTED = 12
-"""Models that a line names."""
+"""Maximum number of models in a line."""
 ADDRESSES = {
     "openai": "https://api.openai.com/v1",
     "google": "https://generativelanguage.googleapis.com",
@@ -37,17 +39,17 @@ ADDRESSES = {
 }
 """Addresses of the providers' own clients."""
 LISTS = {"google": "/v1beta/models?pageSize=1000", "anthropic": "/v1/models?limit=1000"}
-"""Paths of the list of models; `/models` for others."""
+"""Paths of the model lists; `/models` for other providers."""
 PING = "Answer with the one word: ready"
 WORD = "marmalade"
-"""Word before a whole system prompt, to be remembered."""
+"""Word to be remembered, placed before a whole system prompt."""
 COLOUR = "Which colour is this picture? Answer with one word, in English."
 SIDE = 64
-"""Pixels of the picture that is sent."""
+"""px. Side of the test picture."""
 
 
 def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line]:
-    """Examine `PROVIDER[:MODEL]`; each request may take `seconds`.
+    """Examine `PROVIDER[:MODEL]` with at most `seconds` per request.
 
     Raises:
         InputError: the address is not usable.
@@ -57,6 +59,7 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
     model = model or provider.model
     address = provider.address(base_url)
     yield True, "address", address or f"{ADDRESSES[name]} (the provider's own)"
+    # Without a key no request can succeed.
     if provider.key_required and not provider.key():
         yield False, "key", f"set {provider.key_variables[0]} in the environment"
         return
@@ -73,7 +76,7 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
 
 
 def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
-    """The models of the server, and whether the chosen one is among them."""
+    """State the models of the server, and if the chosen one is among them."""
     more = f" and {len(models) - LISTED} more" if len(models) > LISTED else ""
     there = f"{', '.join(models[:LISTED])}{more}" or "none"
     if not model:
@@ -85,7 +88,11 @@ def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Li
 
 
 def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
-    """Ask the model for a word, for one before a text as long as a prompt, and for a picture's colour."""
+    """Test the model by three requests.
+
+    It must answer a word, remember a word before a text as long as a prompt, and name the colour of
+    a picture.
+    """
 
     def ask(question: str, *pictures: Picture) -> tuple[str, Answer]:
         session = ModelSession(endpoint, "", pictures, None, Budget(seconds=seconds))
@@ -99,7 +106,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
         return
     of = answer.model or endpoint.model  # an alias may stand for a dated model
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
-    # Servers with a short context drop the beginning of a long text without a word.
+    # Servers with a short context silently drop the beginning of a long text.
     text = fence(system_prompt(vocabulary()))
     question = "Which word was to be remembered? Answer with it alone."
     try:
@@ -117,6 +124,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
             else "the beginning of a prompt as long as ours is not read any more; a longer context is "
             "needed, with Ollama OLLAMA_CONTEXT_LENGTH=16384",
         )
+    # A model without vision rejects the picture or names another colour.
     red = io.BytesIO()
     Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(red, "JPEG")
     try:
@@ -128,12 +136,13 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
 
 
 def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:
-    """Names of the models that the server has.
+    """Return the names of the server's models.
 
     Raises:
-        Unavailable: it cannot be reached, refuses, or sends no such list.
+        Unavailable: it is unreachable, refuses, or sends no such list.
     """
     url = address.rstrip("/") + LISTS.get(provider.name, "/models")
+    # Each provider has its own header for the key.
     key = provider.key() or ""
     headers = {"authorization": f"Bearer {key}"} if key else {}
     if provider.name == "google":
@@ -158,10 +167,10 @@ def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, 
 
 
 async def fetch_json(url: str, headers: dict[str, str], seconds: float) -> dict[str, Any]:
-    """The JSON object at a URL.
+    """Fetch the JSON object at a URL.
 
     Raises:
-        Unavailable: none is sent.
+        Unavailable: the server sends none.
     """
     import httpx2
 

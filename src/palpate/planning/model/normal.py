@@ -1,4 +1,4 @@
-"""Normal form of a plan's document, and its flat form for native structured output."""
+"""Normal form of a plan's document, and its flat form for structured output."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from palpate.planning.plan import MAX_NESTING, OUTCOMES, nesting, unique_json
 from palpate.primitives.registry import Vocabulary, vocabulary
 
 Schema = dict[str, Any]
-"""A JSON schema, or the properties of one."""
+"""JSON schema, or the properties of one."""
 
 _TEXT: Schema = {"type": "string"}
 _INTEGER: Schema = {"type": "integer"}
@@ -32,17 +32,20 @@ NOTE = (
     "first, each with a whole number `id`, its `type`, the ids of its `children`, and null for every argument "
     'that its type does not have. An empty list stands for `"tree": null`.'
 )
-"""Goes into the user message, so that the system prompt stays the same."""
+"""Part of the user message, so that the system prompt is the same for all forms."""
 
 
 def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
-    """JSON schema of an answer: strict (all fields required), no references, no recursion."""
+    """Return the JSON schema of an answer.
+
+    It is strict (all fields required), without references and recursion.
+    """
     node: Schema = {
         "id": _INTEGER,
         "type": {"type": "string", "enum": [*vocabulary.primitives, *vocabulary.composites]},
         "children": _list_of(_INTEGER),
     }
-    # One node type for all primitives: each argument may be null where a type lacks it.
+    # One node type serves all primitives, so an argument is null for types without it.
     for name, forms in argument_forms(vocabulary).items():
         node[name] = {"anyOf": [*forms, _NULL]}
     properties = {
@@ -57,7 +60,7 @@ def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
 
 
 def argument_forms(vocabulary: Vocabulary) -> dict[str, list[Schema]]:
-    """The different forms of each argument over all primitives that have it, null left out."""
+    """Return the different schemas of each argument over all primitives, without null."""
     arguments: dict[str, list[Schema]] = {}
     for primitive in vocabulary.primitives.values():
         for name, schema in primitive.model_json_schema().get("properties", {}).items():
@@ -84,24 +87,25 @@ def _object(properties: Schema) -> Schema:
 
 
 def nest_tree(document: Mapping[str, Any]) -> dict[str, Any]:
-    """A plan document with its tree nested, from one with a list of `nodes` whose children are ids.
+    """Convert a plan with a flat list of `nodes` to one with a nested tree.
 
-    Null arguments, which strict schemas demand, are dropped. An empty list is no tree.
+    Null arguments, which strict schemas require, are dropped. An empty list means no tree.
 
     Raises:
-        InputError: an id is unknown or used twice, or the nodes do not form one tree.
+        InputError: an id is unknown or duplicate, or the nodes do not form one tree.
     """
     plan = dict(document)
     nodes = nodes_by_id(plan.pop("nodes"))
     if not nodes:
         return {**plan, "tree": None}
+    # A tree has one root and exactly one parent for every other node.
     below = [child for node in nodes.values() for child in children_of(node)]
     roots = nodes.keys() - set(below)
     if len(roots) != 1 or len(below) != len(set(below)):
         raise InputError(
             "nodes: every node but one, the root, must be the child of exactly one other"
         )
-    # A ring apart from the root has one parent each, too; its nodes are never visited.
+    # Nodes of a separate cycle also have one parent each, but are never visited.
     used: list[int] = []
     tree = grown(roots.pop(), nodes, used)
     if len(used) != len(nodes):
@@ -110,10 +114,10 @@ def nest_tree(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def nodes_by_id(value: object) -> dict[int, dict[str, Any]]:
-    """The nodes by id.
+    """Return the nodes by id.
 
     Raises:
-        InputError: not a list, an id is missing or used twice, or a child is missing.
+        InputError: not a list, an id is missing or duplicate, or a child is missing.
     """
     if not isinstance(value, list):
         raise InputError("nodes: must be a list")
@@ -134,7 +138,7 @@ def nodes_by_id(value: object) -> dict[int, dict[str, Any]]:
 
 
 def children_of(node: Mapping[str, Any]) -> list[Any]:
-    """The ids of a node's children; one may be written without a list."""
+    """Return the ids of a node's children; a single one may be written without a list."""
     children: object = node.get("children") or []
     return cast("list[Any]", children) if isinstance(children, list) else [children]
 
@@ -142,7 +146,7 @@ def children_of(node: Mapping[str, Any]) -> list[Any]:
 def grown(
     id: int, nodes: Mapping[int, Mapping[str, Any]], used: list[int], depth: int = 0
 ) -> dict[str, Any]:
-    """The node with all nodes below it; their ids are appended to `used`."""
+    """Return a node with all nodes below it; appends their ids to `used`."""
     if depth > MAX_NESTING:
         raise InputError("nodes: the tree is nested too deep; flatten it")
     used.append(id)
@@ -156,32 +160,33 @@ def grown(
     return node
 
 
-# Normal form of a plan's document: names, wrappers and forms that can mean one thing only are read
-# as that. Nothing is evaluated, and the depth is that of the document, which the caller bounds.
+# Normal form of a plan's document. Names, wrappers and forms with only one possible meaning are
+# replaced. Nothing is evaluated. The recursion depth is that of the document, which the caller
+# bounds.
 
 
 MAX_DIGITS = 9
-"""Digits of a whole number that is written as text."""
+"""Maximum number of digits of an integer written as text."""
 TREE = ("root", "behavior_tree", "behaviour_tree")
-"""Other names of the field `tree`; `root` may also wrap a plan or a tree."""
+"""Synonyms of the field `tree`; `root` may also wrap a plan or a tree."""
 TYPE = ("action", "primitive")
-"""Other names of a node's `type`."""
+"""Synonyms of a node's `type`."""
 CHILDREN = ("nodes", "steps")
-"""Other names of a node's `children`."""
+"""Synonyms of a node's `children`."""
 BOXES = ("args", "arguments", "params", "parameters")
-"""Objects that hold a node's arguments, which stand beside its `type`."""
+"""Fields that wrap a node's arguments, which belong on the same level as its `type`."""
 TOO_DEEP = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
 
 _PLAN_FIELDS = {"outcome", "parameters", "explanation", "tree", "nodes", "scene", *TREE}
 _NODE_FIELDS = {"type", "children", "name", "id", *TYPE, *CHILDREN}
 _FIELDS = {*_PLAN_FIELDS, *_NODE_FIELDS, "object", "quantity", "again"}
-"""Names of fields, which are recognised in any case."""
+"""Field names, which are recognised in any case."""
 _ROOTS = ("root", "behaviortree")
-"""Types of nodes around a tree, without their separators."""
+"""Types of nodes around a tree, without separators."""
 
 
 def is_plan(value: object) -> bool:
-    """True for an object with a tree, its name in any case."""
+    """True for an object with a tree, whatever the case of its name."""
     if not isinstance(value, dict):
         return False
     named = ("tree", "nodes", *TREE)
@@ -189,7 +194,7 @@ def is_plan(value: object) -> bool:
 
 
 def unwrap_plan(value: object) -> object:
-    """The plan inside an object that holds nothing else; any other value as it is."""
+    """Return the plan in an object with a single field; any other value unchanged."""
     if isinstance(value, dict) and len(fields := cast("dict[str, object]", value)) == 1:
         (inner,) = fields.values()
         if is_plan(inner):
@@ -198,11 +203,13 @@ def unwrap_plan(value: object) -> object:
 
 
 def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
-    """Normalize a plan's document: fields in lower case, parameters as a list of objects, one tree of
-    nodes whose types and arguments are named as declared, or a flat list of nodes with numbers as ids.
+    """Normalize the document of a plan.
+
+    The result has lower-case fields, a list of parameters, and one tree with declared types and
+    arguments. Instead of a tree it may have a flat list of nodes with integer ids.
 
     Raises:
-        InputError: a tree that is written as text is nested too deep, or names a field twice.
+        InputError: a tree written as text is nested too deep, or has a duplicate field.
     """
     found = lower_keys(document)
     if "nodes" not in found:
@@ -211,6 +218,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         found["parameters"] = normalized_parameters(found["parameters"])
     if isinstance(found.get("outcome"), str):
         found["outcome"] = found["outcome"].strip().lower()
+    # `nodes` is the flat form, or a synonym of `tree`.
     nodes = found.get("nodes")
     if isinstance(nodes, list):
         listed = cast("list[object]", nodes)
@@ -224,7 +232,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def lower_keys(fields: Mapping[str, Any]) -> dict[str, Any]:
-    """Rename fields to lower case, where that is a field's name and not another field here."""
+    """Rename fields to lower case if the result is a known and unused field name."""
     found: dict[str, Any] = {}
     for key, value in fields.items():
         name = key.strip().lower()
@@ -234,14 +242,17 @@ def lower_keys(fields: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def rename(fields: dict[str, Any], name: str, others: Sequence[str]) -> None:
-    """Name the only one of some fields `name`, where there is none of that name."""
+    """Rename a synonym to `name`, if it is the only one and `name` is not in use."""
     given = [other for other in others if other in fields]
     if name not in fields and len(given) == 1:
         fields[name] = fields.pop(given[0])
 
 
 def normalized_parameters(value: object) -> object:
-    """A list of parameters; an object is one parameter, or the quantities of each object."""
+    """Return a list of parameters.
+
+    An object is one parameter, or a table of quantities by object.
+    """
     if isinstance(value, dict):
         fields = lower_keys(cast("dict[str, Any]", value))
         if "object" in fields or "quantity" in fields:
@@ -258,7 +269,7 @@ def normalized_parameters(value: object) -> object:
 
 
 def normalized_parameter(item: object) -> object:
-    """A parameter as an object; `"cup.mass"` is split at its point, and a unit is left out."""
+    """Return a parameter as an object; `"cup.mass"` is split and a unit removed."""
     if isinstance(item, str) and item.count(".") == 1:
         body, quantity = item.split(".")
         item = {"object": body.strip(), "quantity": quantity.strip()}
@@ -271,14 +282,14 @@ def normalized_parameter(item: object) -> object:
 
 
 def without_unit(quantity: str) -> str:
-    """`mass` for `mass kg` and `mass [kg]`, as the prompt lists it; any other text as it is."""
+    """Return `mass` for `mass kg` or `mass [kg]`, as listed in the prompt; other text unchanged."""
     id, _, unit = quantity.partition(" ")
     known = catalogue().get(id)
     return id if known is not None and unit.strip(" []()") == known.unit else quantity
 
 
 def from_text(value: object) -> object:
-    """The JSON in a text that holds an object or a list; any other value as it is."""
+    """Parse a text with a JSON object or list; return any other value unchanged."""
     if not isinstance(value, str) or value.strip()[:1] not in ("{", "["):
         return value
     if nesting(value) > MAX_NESTING:
@@ -290,8 +301,10 @@ def from_text(value: object) -> object:
 
 
 def normalized_tree(value: object) -> object:
-    """A tree with every node normalized, without a root around it; a list is a Sequence, of one node that
-    node."""
+    """Normalize every node of a tree and remove a wrapping root.
+
+    A list is a Sequence; a list of one node is that node.
+    """
     if isinstance(value, list):
         listed = cast("list[object]", value)
         if len(listed) == 1 and isinstance(listed[0], dict):
@@ -301,6 +314,7 @@ def normalized_tree(value: object) -> object:
         return value
     node = normalized_node(cast("dict[str, Any]", value))
     children: object = node.get("children")
+    # Remove a root field or a root node with one child.
     if set(node) <= {"root", "name"} and "root" in node:
         return normalized_tree(node["root"])
     if isinstance(children, list):
@@ -313,11 +327,14 @@ def normalized_tree(value: object) -> object:
 
 
 def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
-    """The fields of a node: its type as declared, its arguments beside it, and no null in optional
-    fields."""
+    """Return the fields of a node in normal form.
+
+    The type is as declared, the arguments are on its level, and optional fields are not null.
+    """
     node = lower_keys(value)
     rename(node, "type", TYPE)
     own = fields_of(node.get("type"))
+    # Move wrapped arguments to the level of the type, unless names collide.
     for box in BOXES:
         held: object = node.get(box)
         if isinstance(held, dict) and box not in own:
@@ -333,6 +350,7 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     for optional in ("name", "children"):
         if node.get(optional, "") is None:
             del node[optional]
+    # Choices are matched in any case.
     for argument, choices in own.items():
         if isinstance(given := node.get(argument), str):
             node[argument] = choices.get(given.strip().lower(), given)
@@ -340,7 +358,7 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def normalized_flat_node(item: object) -> object:
-    """A node of the flat form with its id, and those of its children, as numbers."""
+    """Return a node of the flat form with integer ids."""
     if not isinstance(item, dict):
         return item
 
@@ -358,7 +376,7 @@ def normalized_flat_node(item: object) -> object:
 
 
 def is_flat(nodes: Sequence[object]) -> bool:
-    """True for nodes with ids, whose children are no nodes themselves."""
+    """True for nodes with ids whose children are not nodes."""
     fields = [lower_keys(cast("dict[str, Any]", node)) for node in nodes if isinstance(node, dict)]
     children = [child for node in fields for child in children_of(node)]
     named = any("id" in node for node in fields)
@@ -366,13 +384,13 @@ def is_flat(nodes: Sequence[object]) -> bool:
 
 
 def plain(name: object) -> str:
-    """A name without separators and capitals: `measureforces` for `measure_forces`."""
+    """Remove separators and capitals from a name: `measureforces` for `measure_forces`."""
     return re.sub(r"[\s_-]", "", name).lower() if isinstance(name, str) else ""
 
 
 @cache
 def types() -> Mapping[str, str]:
-    """Declared types of nodes by their plain names; a name that two share is none."""
+    """Map plain names to declared node types; ambiguous names are left out."""
     words = vocabulary()
     names: dict[str, list[str]] = {}
     for name in (*words.primitives, *words.composites):
@@ -382,7 +400,7 @@ def types() -> Mapping[str, str]:
 
 @cache
 def arguments(name: str) -> Mapping[str, Mapping[str, str]]:
-    """Arguments of a primitive, each with its choices by their names in lower case."""
+    """Return the arguments of a primitive, each with its choices by lower-case name."""
     found: dict[str, dict[str, str]] = {}
     for field, schema in vocabulary().primitives[name].model_json_schema()["properties"].items():
         forms = schema.get("anyOf", [schema])
@@ -392,6 +410,6 @@ def arguments(name: str) -> Mapping[str, Mapping[str, str]]:
 
 
 def fields_of(type: object) -> Mapping[str, Mapping[str, str]]:
-    """As `arguments`, of a node's type; empty for one that is no primitive."""
+    """Return the `arguments` of a node type; empty for other types."""
     known = isinstance(type, str) and type in vocabulary().primitives
     return arguments(cast("str", type)) if known else {}

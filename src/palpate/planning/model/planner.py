@@ -1,6 +1,7 @@
-"""Vision-language model of any provider as a planner.
+"""Planner with a vision-language model of any provider.
 
-Keys come from the environment and are redacted from every message; only words and figures are recorded.
+Keys come from the environment and are redacted from every message. Only text and statistics are
+recorded.
 """
 
 from __future__ import annotations
@@ -39,18 +40,17 @@ if TYPE_CHECKING:
 
 @dataclass(slots=True)
 class VlmPlanner:
-    """Model as a planner.
+    """Planner with a model.
 
     Attributes:
         model: `PROVIDER:MODEL`, or `PROVIDER` alone for its default.
         model_settings: address, form, feedback and budget.
-        remeasure: the request is measured even where the scene states it.
+        remeasure: requested values are measured even where the scene states them.
         builder: makes a scene of the detected objects, for a request without a scene.
-        measure: the parameters of the plan; None: the model decides by the request.
-        rehearse: executes a plan in physics, once it has passed the check; what it finds goes back to
-            the model.
-        conversation: the latest dialogue, also when `plan` raised.
-        seen: the detected scene, when there was no scene.
+        measure: the exact set of parameters of the plan; None to let the model decide.
+        rehearse: executes a plan in physics after the check; its finding goes back to the model.
+        conversation: the latest dialogue, also after an error in `plan`.
+        seen: the detected scene, if there was no scene.
         images: the pictures, which refine the detected scene.
     """
 
@@ -72,15 +72,16 @@ class VlmPlanner:
         return self.model
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """The first plan of the model that passes the check.
+        """Return the model's first plan that passes the check.
 
         Raises:
             InputError: unknown provider or module, unreadable image, neither a scene nor a picture.
-            Unavailable: no extra, no key, provider out of reach or refusing, time used up.
+            Unavailable: missing SDK or key, unreachable or refusing provider, time used up.
             PlanRejected: the model gave no valid plan.
         """
         self.images = tuple(images)
         settings = self.model_settings
+        # Compose prompt and pictures, and record them as sent.
         endpoint = Endpoint.of(self.model, settings.base_url)
         prompt = self._prompt(request or "", scene, images)
         pictures = [picture(path) for path in prompt.images]
@@ -89,8 +90,8 @@ class VlmPlanner:
         schema = None  # JSON in prose, which every provider can write
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
+        # Start the session, and find the critic's endpoint before the first request.
         session = ModelSession(endpoint, prompt.system, pictures, schema, settings.budget)
-        # A critic without a key is refused before the first request.
         conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
 
         def objection(plan: Plan) -> str | None:
@@ -109,6 +110,7 @@ class VlmPlanner:
             critic=objection,
             question=question,
         )
+        # Note repeated measurements and a failed critic.
         notes, critique = (*plan.notes, *measured_again(plan, scene)), conversation.critique
         if critique is not None and critique.error:
             notes = (*notes, f"No critic read the plan: {critique.error}")
@@ -144,10 +146,10 @@ class VlmPlanner:
     def judge(
         self, text: str, scene: Scene | None, request: str | None = ""
     ) -> tuple[Plan | None, list[str]]:
-        """The plan in an answer, and the findings on it.
+        """Return the plan in an answer, and the findings on it.
 
-        Without a `request` (None) the plan must measure all that the scene misses; with one, the
-        parameters are the model's decision.
+        Without a `request` (None) the plan must measure all missing parameters of the scene. With a
+        request, the model decides on the parameters.
         """
         try:
             proposal = read_answer(text)
@@ -166,6 +168,7 @@ class VlmPlanner:
             reads_request = "text" not in self.model_settings.without
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested_parameters(None, scene, self.remeasure, self.measure)
+        # Rehearse in physics only a plan that passes the check.
         found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
         if not found and plan.tree is not None and scene is not None and self.rehearse is not None:
             harm = self.rehearse(plan, scene)
@@ -173,18 +176,23 @@ class VlmPlanner:
         return digest(found)
 
     def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
-        """The question about a plan without a tree, or one that lacks what the grammar reads from the
-        request; None where the readings agree, or the grammar's is not sure."""
+        """Return a question about a plan that lacks parameters requested by the grammar's reading.
+
+        This includes a plan without a tree. None if the readings agree, or the grammar's reading is
+        uncertain.
+        """
         if scene is None or "text" in self.model_settings.without:
             return None
         read = (
             surely_requested_parameters(request or None, scene, self.remeasure, self.measure) or ()
         )
+        # Compare by known quantity, because several quantities may state the same value.
         quantities = scene.catalogue
         has = {(one.object, quantities[one.quantity].known_as()) for one in plan.parameters}
         lacking = [p for p in read if (p.object, quantities[p.quantity].known_as()) not in has]
         if not lacking or assemble(scene, lacking).failed:
             return None
+        # State if the scene already has the value.
         named = ", ".join(str(parameter) for parameter in lacking)
         unknown, known = "D leaves it open", "it is to be measured though D states it"
         state = known if set(lacking) <= set(split_known(lacking, scene, False)[0]) else unknown
@@ -200,7 +208,7 @@ class VlmPlanner:
         )
 
     def _detect(self, objects: tuple[SceneObject, ...]) -> Scene:
-        """The scene of the detected objects, which `seen` keeps."""
+        """Return the scene of the detected objects, stored in `seen`."""
         if self.builder is None:
             raise InputError(
                 "there is no simulation description to check the plan against; give one with scene="
@@ -214,7 +222,7 @@ class VlmPlanner:
 
 
 def measured_again(plan: Plan, scene: Scene | None) -> tuple[str, ...]:
-    """Notes on the parameters of a plan that the scene states."""
+    """Notes on the plan's parameters that the scene states."""
     if scene is None:
         return ()
     known, _ = split_known(plan.parameters, scene, False)

@@ -28,18 +28,21 @@ if TYPE_CHECKING:
 
 
 RENDERED = frozenset({"texture", "light", "camera", "visual", "statistic", "skin"})
-"""Elements that say nothing of bodies, shapes, colours or quantities."""
+"""Elements without information on bodies, shapes, colours or quantities."""
 SHADING = (
     *("texture", "texrepeat", "texuniform", "specular", "shininess"),
     *("reflectance", "emission", "metallic", "roughness"),
 )
-"""Attributes of a material, without its colour."""
+"""Attributes of a material other than its colour."""
 _COMMENT = re.compile(r"\s*<!--.*?-->", re.DOTALL)
 
 
 def strip_rendering(text: str, comments: bool) -> str:
-    """The text without `RENDERED` and `SHADING`, materials that state no more, and sections that become
-    empty; every other byte is the user's."""
+    """Remove rendering details from an MJCF text.
+
+    These are `RENDERED` elements, `SHADING` attributes, and materials and sections that become
+    empty. All other bytes stay the same.
+    """
     if not comments:
         text = _COMMENT.sub("", text)
     return _without_empty(_without_rendering(text))
@@ -50,6 +53,7 @@ def _without_rendering(text: str) -> str:
     for tag in scan(text):
         if tag.start < end:  # inside of what is left out
             continue
+        # Remove an element completely, or only the shading of a material.
         shading = [name for name in SHADING if name in tag.attributes]
         material = tag.name == "material"
         if tag.name in RENDERED or (
@@ -74,8 +78,8 @@ def _without_empty(text: str) -> str:
     )
 
 
-# Section of the prompt with every name that a pose expression may use: places, patterns of names
-# that many objects share, and offsets with their directions in the world.
+# Section of named poses: places, name patterns of object poses, and offsets with their world
+# directions.
 
 
 KINDS: Mapping[str, str] = {
@@ -84,7 +88,7 @@ KINDS: Mapping[str, str] = {
     "across": "a grasp of X a quarter turn on; its x_offset and y_offset turn with it",
     "balance": "where X balances, as its grasps before have shown",
 }
-"""Poses that objects have besides their grasp, by the end of the name."""
+"""Further poses of objects, by the ending of the name."""
 
 HEAD = (
     "# Named poses\nGripper in the world: x y z in m, direction of its x axis in degrees from world x, counterclockwise"
@@ -93,7 +97,8 @@ HEAD = (
 
 
 def named_poses(symbols: Symbols) -> str:
-    """Lines of all named poses, joint configurations and offsets, and of what cannot be grasped."""
+    """Lines of all named poses, joint configurations, offsets, and objects that cannot be grasped."""
+    # Hand geometry for clearances, then payload and workspace.
     lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
     lines += _patterns(symbols)
     lines += [f"{name}: joint configuration" for name in symbols.configurations]
@@ -104,7 +109,7 @@ def named_poses(symbols: Symbols) -> str:
 
 
 def position_and_yaw(pose: Pose) -> str:
-    """Position (m) and direction of the x axis (degrees), or, of a level hand, where its fingers point."""
+    """Position (m) and yaw of the x axis (degrees), or the finger direction of a level hand."""
     x, y, z = (f"{value + 0.0:.3f}" for value in pose.position.round(3))
     if not points_down(pose):
         return f"{x} {y} {z}, fingers level, along {_vector(pose.rotation[:, 2])}"
@@ -113,7 +118,7 @@ def position_and_yaw(pose: Pose) -> str:
 
 
 def _patterns(symbols: Symbols) -> Iterator[str]:
-    """Yield a line for each kind of pose, with the objects that have it."""
+    """Yield a line for each kind of pose, with its objects."""
     objects = list(symbols.own_offsets)
     for kind, meaning in KINDS.items():
         having = [
@@ -127,7 +132,8 @@ def _patterns(symbols: Symbols) -> Iterator[str]:
 
 
 def _offsets(symbols: Symbols) -> Iterator[str]:
-    """Yield a line for each set of offsets, with the objects and places that have it."""
+    """Yield a line for each set of offsets, with its objects and places."""
+    # Group objects and places with equal offsets to shorten the prompt.
     groups: dict[str, list[str]] = {}
     for name in symbols.own_offsets:
         groups.setdefault(_vectors(symbols, f"{name}_pose"), []).append(name)
@@ -141,7 +147,7 @@ def _offsets(symbols: Symbols) -> Iterator[str]:
 
 
 def _vectors(symbols: Symbols, pose: str) -> str:
-    """Offsets at a pose, in the world."""
+    """Offsets at a pose, along the world axes."""
     own = symbols.own_offsets.get(symbols.subjects.get(pose, ""), {})
     return ", ".join(
         f"{name} {_vector(symbols.shift(pose, symbols.poses[pose], symbols.offset(name, pose)))}"
@@ -154,8 +160,8 @@ def _vector(vector: Array) -> str:
     return " ".join(f"{value + 0.0:.3f}".rstrip("0").rstrip(".") for value in vector.round(3))
 
 
-# Composition of the prompt: the system prompt from the module files, the vocabulary's declarations
-# and the rules of the check; the user's message from the task.
+# Composition: the system prompt from module files, vocabulary and rules; the user's message from
+# the task.
 
 
 Style = Literal["full", "lean"]
@@ -170,11 +176,11 @@ SYSTEM_MODULES = (
     "metadata",
     "output",
 )
-"""Modules of the system prompt in the order in which they are sent, each a Markdown file."""
+"""Modules of the system prompt in order, each a Markdown file."""
 MODULES = (*SYSTEM_MODULES, "image", "text", "all")
 """Names for `--without`: a module of the system prompt, an input, or the whole system prompt."""
 LARGEST_DESCRIPTION = 200_000
-"""Characters of the scene that are sent; a longer one is refused, not cut."""
+"""Characters. Maximum length of the scene; a longer one is rejected, not truncated."""
 ORDER = "Return Φ, the explanation and the behavior tree."
 """End of the planner's message."""
 REMEASURE = (
@@ -189,9 +195,9 @@ class Prompt:
 
     Attributes:
         system: the system prompt.
-        task: R, D, robot and poses, which a critic receives as well.
+        task: R, D, robot and poses, which a critic also receives.
         images: the image files.
-        order: end of the user's message, which is for the planner alone.
+        order: end of the user's message, for the planner alone.
     """
 
     system: str
@@ -201,7 +207,7 @@ class Prompt:
 
     @property
     def user(self) -> str:
-        """The user's message to the planner."""
+        """User's message to the planner."""
         return f"{self.task}\n\n{self.order}"
 
 
@@ -217,26 +223,27 @@ def compose(
     arm: RobotDescription | None = None,
     remeasure: bool = False,
 ) -> Prompt:
-    """The whole prompt for one task; untrusted text is fenced.
+    """Compose the prompt for one task; untrusted text is fenced.
 
     Args:
         vocabulary: primitives and composites of plans.
         request, scene, images: R, D and I.
-        symbols, arm: named poses and robot, where there is no scene.
+        symbols, arm: named poses and robot, if there is no scene.
         without: modules and inputs to leave out.
         style: style of the system prompt.
-        comments: sends the comments in the scene's file, which may give the answer away.
-        remeasure: what the request asks for is measured even where the scene states it.
+        comments: sends the comments in the scene's file, which may reveal the answer.
+        remeasure: requested values are measured even where the scene states them.
 
     Raises:
-        InputError: an unknown module in `without`, neither a request nor a scene, or one that is
-            too long.
+        InputError: an unknown module in `without`, neither a request nor a scene, or a too long
+            scene.
     """
     removed = checked_modules(without)
     if not (request.strip() or scene):
         raise InputError(
             "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
         )
+    # Sections in order: request and scene, robot, named poses, pictures.
     parts: list[str] = []
     if "text" not in removed:
         asked = fence(request) if request.strip() else "None: acquire what D leaves out."
@@ -259,10 +266,10 @@ def compose(
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
-    """The names as a set.
+    """Return the module names as a set.
 
     Raises:
-        InputError: one is not a module; the message lists those there are.
+        InputError: an unknown name; the message lists the valid ones.
     """
     for name in names:
         if name not in MODULES:
@@ -271,10 +278,10 @@ def checked_modules(names: Iterable[str]) -> frozenset[str]:
 
 
 def checked_style(name: str) -> Style:
-    """The style of that name.
+    """Return the style of this name.
 
     Raises:
-        InputError: there is none; the message lists those there are.
+        InputError: an unknown name; the message lists the valid ones.
     """
     if name not in STYLES:
         raise unknown_name("prompt", name, STYLES)
@@ -284,7 +291,7 @@ def checked_style(name: str) -> Style:
 def system_prompt(
     vocabulary: Vocabulary, without: Collection[str] = (), style: Style = "full"
 ) -> str:
-    """The system prompt, less the modules in `without`; empty without all of them."""
+    """Return the system prompt without the modules in `without`; empty without all of them."""
     if "all" in without:
         return ""
     return "\n".join(
@@ -295,7 +302,7 @@ def system_prompt(
 
 
 def fence(text: str, language: str = "") -> str:
-    """`text` in a Markdown fence longer than any in it."""
+    """Enclose `text` in a Markdown fence longer than any fence in it."""
     ticks = "```"  # Markdown closes a fence only with as many backticks as opened it
     while ticks in text:
         ticks += "`"
@@ -303,8 +310,7 @@ def fence(text: str, language: str = "") -> str:
 
 
 def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
-    """A module of the system prompt, with generated descriptions in place of its marks, such as
-    `{{quantities}}`."""
+    """Return a module of the system prompt with its marks, such as `{{quantities}}`, filled in."""
     text = _module(file, style)
     if "{{" not in text:
         return text
@@ -314,19 +320,20 @@ def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
 
 
 def _module(file: str, style: Style) -> str:
-    """Text of a module's file, with its marks."""
+    """Text of a module's file, with marks; a style may have its own file."""
     folder = resources.files("palpate.planning.model").joinpath("prompts")
     own = folder.joinpath(style, file)
     return (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
 
 
 def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
-    """Generated descriptions of primitives, composites, quantities and rules, by mark."""
+    """Return generated descriptions of primitives, composites, quantities and rules, by mark."""
     general: list[str] = []
     conversion: list[str] = []
     for primitive in vocabulary.primitives.values():
         group = conversion if primitive.group == "conversion" else general
         group.append(primitive_entry(primitive, style))
+    # Each mark is replaced by a list of lines.
     heads = {quantity: quantity_head(quantity) for quantity in catalogue().values()}
     marks = {
         "general": general,
@@ -338,6 +345,7 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
         ],
         "goal": [_module("goal.md", style).rstrip()],
     }
+    # The lean style leaves out rules that prescribe a method.
     for mark, about in (("rules of parameters", "parameters"), ("rules of the tree", "tree")):
         marks[mark] = [
             f"- {rule.id}: {rule.asks}"
@@ -378,7 +386,7 @@ def quantity_head(quantity: Quantity) -> str:
 
 
 def scene_section(scene: Scene | None, comments: bool) -> str:
-    """Section of the user's MJCF, or of the objects to list in its place."""
+    """Section with the user's MJCF, or with instructions to list the objects instead."""
     if scene is None:
         return (
             "# Simulation description D\nNone: list what the image shows in `scene`. What you list as X there has "
@@ -398,7 +406,7 @@ def scene_section(scene: Scene | None, comments: bool) -> str:
 
 
 def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
-    """Section of the robot's dimensions and limits by which the check judges fit and clearance."""
+    """Section with the robot dimensions and limits that the check uses."""
     hand, limits = arm.hand, arm.limits
     half_x, half_y = hand.half_extents
     beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger

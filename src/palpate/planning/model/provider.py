@@ -1,4 +1,4 @@
-"""Providers of models, and access to them by the SDK."""
+"""Providers of models, and access through their SDKs."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ class Provider:
 
     Attributes:
         name: prefix in `--planner NAME:MODEL`.
-        extra: pip extra that installs its SDK.
-        key_variables: environment variables that may hold its key, the first wins.
-        url_variable: environment variable that may hold its address.
-        model: default model; empty where that depends on the server.
-        url: default address, None for the SDK's own, empty where one must be given.
+        extra: pip extra with its SDK.
+        key_variables: environment variables for its key; the first one set applies.
+        url_variable: environment variable for its address.
+        model: default model; empty if it depends on the server.
+        url: default address; None for the SDK's own, empty if one must be given.
         key_required: it needs a key.
     """
 
@@ -40,11 +40,15 @@ class Provider:
     key_required: bool = True
 
     def key(self) -> str | None:
-        """The key in the environment, if any."""
+        """Return the key in the environment, if any."""
         return next((value for v in self.key_variables if (value := os.environ.get(v))), None)
 
     def require_key(self) -> None:
-        """Raise Unavailable if the provider needs a key and the environment has none."""
+        """Require a key in the environment, if the provider needs one.
+
+        Raises:
+            Unavailable: there is none.
+        """
         if self.key_required and not self.key():
             raise Unavailable(
                 f"the planner '{self.name}' needs a key: set {self.key_variables[0]} in the environment, "
@@ -52,7 +56,7 @@ class Provider:
             )
 
     def address(self, base_url: str | None) -> str | None:
-        """The address to use: `base_url`, else the environment's, else the default.
+        """Return the address: `base_url`, else the environment's, else the default.
 
         Raises:
             InputError: it is not an http or https address, or there is none.
@@ -73,7 +77,7 @@ class Provider:
 
 
 def _local(name: str, variables: str, url: str) -> Provider:
-    """A server that speaks OpenAI chat completions and needs no key."""
+    """Local server with the OpenAI chat completions API and without a key."""
     keys, url_variable = (f"{variables}_API_KEY",), f"{variables}_BASE_URL"
     return Provider(name, "openai", keys, url_variable, url=url, key_required=False)
 
@@ -101,12 +105,14 @@ PROVIDERS = {
         _local("compatible", "OPENAI_COMPATIBLE", ""),
     )
 }
-"""`compatible` is any other server that speaks OpenAI chat completions, such as llama.cpp's."""
+"""Providers by name. `compatible` is any other server with the OpenAI chat completions API, such as
+llama.cpp's.
+"""
 
 
 @dataclass(frozen=True, slots=True)
 class Endpoint:
-    """Model of a provider with its address, None for the SDK's own."""
+    """Model of a provider with its address; None for the SDK's own."""
 
     provider: Provider
     model: str
@@ -114,10 +120,10 @@ class Endpoint:
 
     @classmethod
     def of(cls, planner: str, base_url: str | None = None) -> Endpoint:
-        """Endpoint of `PROVIDER:MODEL` or `PROVIDER`.
+        """Make the endpoint of `PROVIDER:MODEL` or `PROVIDER`.
 
         Raises:
-            InputError: unknown provider, no model where there is no default, or no address.
+            InputError: unknown provider, no model without a default, or no address.
             Unavailable: the provider needs a key and the environment has none.
         """
         provider, model = find_provider(planner)
@@ -131,10 +137,10 @@ class Endpoint:
 
 
 def find_provider(planner: str) -> tuple[Provider, str]:
-    """Provider and model of `PROVIDER:MODEL` or `PROVIDER`.
+    """Return the provider and model of `PROVIDER:MODEL` or `PROVIDER`.
 
     Raises:
-        InputError: unknown provider, or no model where there is no default.
+        InputError: unknown provider, or no model without a default.
     """
     name, _, model = planner.partition(":")
     if name not in PROVIDERS:
@@ -147,23 +153,23 @@ def find_provider(planner: str) -> tuple[Provider, str]:
     return provider, model or provider.model
 
 
-# Access to providers: the SDK's model behind each, the HTTP client, and failures in plain words.
+# Access to providers: SDK models, the HTTP client, and readable errors.
 
 
 MAX_BODY = 2_000_000
-"""Bytes of one reply; a plan of fifteen objects is some 20 kB."""
+"""bytes. Maximum size of a reply; a plan of fifteen objects has about 20 kB."""
 MAX_COMPRESSED_BODY = 100_000
-"""Bytes of a compressed reply, of which one may expand to a thousand."""
+"""bytes. Maximum size of a compressed reply, which may expand a thousandfold."""
 TOO_LARGE = "the reply is larger than any plan; check the base URL"
 NOT_THE_API = "the reply is not in the form of this provider's API; check the base URL"
 
 
 class ReplyTooLarge(Exception):
-    """The provider sends more than is read."""
+    """The reply of the provider exceeds its limit."""
 
 
 def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
-    """The SDK's model behind `endpoint`, asked through `client`.
+    """Return the SDK's model of `endpoint`, with requests through `client`.
 
     Raises:
         ImportError: the provider's SDK is not installed.
@@ -200,8 +206,10 @@ def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
 
 
 def bounded_client(seconds: float) -> httpx2.AsyncClient:
-    """A client without redirects, whose replies end in `ReplyTooLarge` when they grow beyond the bound.
-    Close it with `async with`."""
+    """Return a client without redirects and with bounded replies; close it with `async with`.
+
+    A reply beyond the bound raises `ReplyTooLarge`.
+    """
     import httpx2
 
     return httpx2.AsyncClient(
@@ -216,7 +224,7 @@ async def _bound(response: httpx2.Response) -> None:
 
     compressed = response.headers.get("content-encoding", "identity") != "identity"
     limit = MAX_COMPRESSED_BODY if compressed else MAX_BODY
-    # The declared length may be missing or false, so the received bytes are counted, too.
+    # The declared length may be missing or false, so the received bytes are counted too.
     declared = response.headers.get("content-length", "0")
     if declared.isdigit() and int(declared) > limit:
         raise ReplyTooLarge
@@ -239,7 +247,7 @@ async def _bound(response: httpx2.Response) -> None:
 
 
 def is_too_large(error: BaseException) -> bool:
-    """True if a `ReplyTooLarge` caused `error`, through any number of exceptions."""
+    """True if a `ReplyTooLarge` caused `error`, through any chain of exceptions."""
     link: BaseException | None = error  # the SDKs wrap the client's exceptions
     while link is not None:
         if isinstance(link, ReplyTooLarge):
@@ -249,7 +257,7 @@ def is_too_large(error: BaseException) -> bool:
 
 
 def may_pass(error: ModelAPIError) -> bool:
-    """True if the same request may succeed a little later."""
+    """True if the same request may succeed later."""
     from pydantic_ai import exceptions as e
 
     kinds = (
@@ -263,13 +271,13 @@ def may_pass(error: ModelAPIError) -> bool:
 
 
 def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
-    """Description of a failure with a remedy; the provider's own text is cut short."""
+    """Describe a failure with a remedy; the provider's own text is truncated."""
     from pydantic_ai import exceptions as e
 
     status = f" (HTTP {error.status_code})" if isinstance(error, e.ModelHTTPError) else ""
     if is_too_large(error):
         return TOO_LARGE
-    # Specific kinds before their bases.
+    # Test specific exceptions before their base classes.
     if isinstance(error, e.ModelAuthenticationError):
         return f"the key was refused{status}; check {endpoint.provider.key_variables[0]} and what it may use"
     if isinstance(error, e.ModelNotFoundError):

@@ -1,4 +1,4 @@
-"""Rounds of a dialogue with a model, and the critic that may object once."""
+"""Rounds of a dialogue with a model, and a critic with one objection."""
 
 from __future__ import annotations
 
@@ -19,12 +19,11 @@ from palpate.planning.plan import Plan, plan_json
 from palpate.primitives.registry import vocabulary
 
 LONGEST_OBJECTION = 1000
-"""Characters that go to the planner."""
+"""Characters. Maximum length of an objection to the planner."""
 
 
 def critic_endpoint(settings: ModelSettings, planner: Endpoint) -> Endpoint | None:
-    """The critic that the settings name, if any; at the planner's address where both have the same
-    provider.
+    """Return the critic's endpoint, if configured; at the planner's address for the same provider.
 
     Raises:
         InputError: no such provider.
@@ -39,14 +38,18 @@ def critic_endpoint(settings: ModelSettings, planner: Endpoint) -> Endpoint | No
 def objection_to(
     plan: Plan, critic: Endpoint, task: str, planner: ModelSession, conversation: Conversation
 ) -> str | None:
-    """Ask the critic about a plan; return its objection, or None. The conversation keeps its answer.
+    """Ask the critic about a plan; return its objection, or None.
+
+    The conversation stores its answer.
 
     Args:
         plan: the plan of the planner.
-        critic: the model that is asked, within the rest of the dialogue's budget.
-        task: R, D, robot and poses, as the planner received them.
-        planner, conversation: the dialogue with the planner, and its record.
+        critic: the critic, within the remaining budget of the dialogue.
+        task: R, D, robot and poses, as sent to the planner.
+        planner: the dialogue with the planner.
+        conversation: its record.
     """
+    # Remaining time and tokens of the dialogue.
     budget = planner.budget
     spent = sum(round.answer.seconds for round in conversation.rounds)
     rest = replace(
@@ -54,10 +57,11 @@ def objection_to(
         seconds=max(0.1, budget.seconds - spent),
         tokens=max(1, budget.tokens - conversation.tokens),
     )
+    # The critic receives the same task and pictures as the planner, and the plan.
     system = filled_module("critic.md", vocabulary(), "full")
     shown = fence(json.dumps(plan_json(plan), ensure_ascii=False), "json")
     message = f"{task}\n\n# The plan\n{shown}\n\nIs there an objection?"
-    # A critic that fails leaves the plan as it is.
+    # A failed critic leaves the plan unchanged.
     try:
         if exhausted := budget.exhaustion_reason(conversation):
             raise Unavailable(exhausted)
@@ -71,7 +75,7 @@ def objection_to(
 
 
 def read_objection(text: str) -> str:
-    """The last objection in a critic's answer; empty for none, or one in another form."""
+    """Return the last objection in a critic's answer; empty without one."""
     said = ""
     for found in json_objects(text):
         objection = found.get("objection")
@@ -80,16 +84,16 @@ def read_objection(text: str) -> str:
     return " ".join(said.split())[:LONGEST_OBJECTION]
 
 
-# Rounds of a dialogue with a model: ask, check, feed the findings back, a bounded number of times.
+# Rounds of a dialogue: ask, check, and return the findings, a bounded number of times.
 
 
 MAX_FINDINGS = 20
 MAX_FINDING = 500
-"""Findings in one message, and characters of each."""
+"""Maximum number of findings in a message, and of characters in each."""
 MAX_CHANGES = 40
-"""Lines that list the differences of a plan from the one before."""
+"""Maximum number of lines in the difference of two plans."""
 MAX_COMPARED = 500
-"""Nodes of a plan that are compared."""
+"""Maximum number of compared nodes of a plan."""
 
 Ask = Callable[[str], Answer]
 """Sends the next user message of a dialogue and returns the answer."""
@@ -98,10 +102,10 @@ Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
 """Reads an answer: its plan, if any, and the findings on it."""
 
 Object = Callable[[Plan], str | None]
-"""Question about a plan that passed the check, or a critic's objection to it; None for none."""
+"""Question about a plan that passed the check, or a critic's objection to it; None without any."""
 
 MayGoOn = Callable[[Conversation], str | None]
-"""Reason against another round, such as a used-up budget, or None."""
+"""Reason against another round, such as an exhausted budget, or None."""
 
 
 def converse(
@@ -114,18 +118,18 @@ def converse(
     critic: Object = lambda _: None,
     question: Object = lambda _: None,
 ) -> Plan:
-    """The first plan without findings; every round is appended to `conversation`.
+    """Return the first plan without findings; appends every round to `conversation`.
 
-    The objection of a `critic`, or else a `question` about it, goes to the model once. The plan stands if
-    no other passes after that.
+    The objection of a `critic`, else a `question`, goes to the model once. The plan stays valid if
+    no other plan passes after that.
 
     Raises:
-        PlanRejected: none after `rounds` rounds of feedback, or the budget is used up.
-        Unavailable: as `ask`.
+        PlanRejected: no valid plan after `rounds` rounds of feedback, or the budget is exhausted.
+        Unavailable: as in `ask`.
     """
 
     def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
-        """Do a round; return the plan, if any, and the findings on it."""
+        """Execute one round; return the plan, if any, and the findings on it."""
         answer = ask(message)
         plan, findings = judge(answer.text)
         kept = tuple(finding[:MAX_FINDING] for finding in findings)
@@ -134,6 +138,7 @@ def converse(
         conversation.rounds.append(Round(message, answer, kept, promised, changed))
         return plan, findings
 
+    # Return the findings to the model until a plan passes or the rounds are exhausted.
     plan, findings = once(message, None)
     left = rounds
     while plan is None or findings:
@@ -146,8 +151,7 @@ def converse(
         plan, findings = once(feedback(findings), plan)
 
     def reconsider(plan: Plan, message: str) -> Plan:
-        """The next plan that passes after a message; whatever ends the reconsideration, `plan`
-        stands."""
+        """Return the next valid plan after a message, else the current `plan`."""
         latest: Plan | None = plan
         for _ in range(left + 1):
             if may_go_on(conversation):
@@ -161,10 +165,11 @@ def converse(
             message = feedback(findings)
         return plan
 
+    # One objection or question about the valid plan.
     objection = critic(plan)
     if objection is not None:
         conversation.rounds[-1] = replace(conversation.rounds[-1], objection=objection)
-        # No question after an objection, which may have demanded what would be questioned.
+        # An objection excludes a question, because it may have demanded the questioned part.
         return reconsider(plan, objection_message(objection))
     asked = question(plan)
     if asked is not None:
@@ -174,7 +179,7 @@ def converse(
 
 
 def differences(before: Plan, after: Plan) -> tuple[str, ...]:
-    """Differences between two plans, a line each, at most `MAX_CHANGES`."""
+    """Return the differences between two plans, one per line, at most `MAX_CHANGES`."""
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
@@ -193,7 +198,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
 
 
 def objection_message(objection: str) -> str:
-    """A critic's objection as the next message to the model."""
+    """Message with a critic's objection to the model."""
     return (
         "The plan passes the check. A second reader, who sees what you see, objects:\n"
         f"- {objection}\n\n"
@@ -203,7 +208,7 @@ def objection_message(objection: str) -> str:
 
 
 def question_message(question: str) -> str:
-    """A question about a plan as the next message to the model."""
+    """Message with a question about the plan to the model."""
     return (
         "The answer passes the check. One question, asked once, to which either answer may be right:\n"
         f"- {question}\n\n"
@@ -212,7 +217,7 @@ def question_message(question: str) -> str:
 
 
 def feedback(findings: Sequence[str]) -> str:
-    """The findings as the next message to the model."""
+    """Message with the findings to the model."""
     lines = ["The check refused the plan:"]
     for finding in findings[:MAX_FINDINGS]:
         lines.append(f"- {finding[:MAX_FINDING]}")
@@ -223,8 +228,9 @@ def feedback(findings: Sequence[str]) -> str:
 
 
 def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -> Plan:
-    """The plan of a recorded conversation, checked again without network; every round is appended to
-    `again`.
+    """Check the answers of a recorded conversation again, without network.
+
+    Appends every round to `again`.
 
     Raises:
         PlanRejected: its answers do not pass.
@@ -251,7 +257,7 @@ def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -
 
 
 def rejection(conversation: Conversation, why: str) -> str:
-    """Reason why a dialogue ended without a plan, with the last findings and words."""
+    """Reason why a dialogue ended without a plan, with the last findings and text."""
     last = conversation.rounds[-1]
     words = " ".join(last.answer.text.split())[:200]
     findings = "; ".join(last.findings[:3]) or "no plan"

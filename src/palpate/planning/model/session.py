@@ -1,11 +1,12 @@
-"""Dialogue with a provider through pydantic-ai: messages, pictures, retries, deadlines, errors in plain
-words.
+"""Dialogue with a provider through pydantic-ai: messages, pictures, retries, deadlines, readable
+errors.
 
-Only the request of pydantic-ai is used. Its `Agent` fences feedback and adds a note about the fence to
-the system prompt, which then differs from the recorded one; it ends at a refusal or a truncated answer
-instead of returning it to the model; and its `UsageLimits` discard the answer that reaches a limit, even
-a valid plan. Its retrying transport sees the status, not an exhausted quota, and does not repeat a
-body that breaks off.
+Only pydantic-ai's request function is used, for these reasons:
+
+- Its `Agent` fences feedback and adds a note to the system prompt, which then differs from the
+recorded one. It ends at a refusal or a truncated answer instead of returning it to the model. - Its
+`UsageLimits` discard the answer that reaches a limit, even a valid plan. - Its retrying transport
+sees the status, not an exhausted quota. It does not repeat a truncated body.
 """
 
 from __future__ import annotations
@@ -43,17 +44,17 @@ if TYPE_CHECKING:
 
 
 BACKOFF = (1.0, 2.0, 4.0, 8.0)
-"""s: waits before each repeat of a request, where the provider names none."""
+"""s. Waits before each retry, if the provider states none."""
 LONGEST_ANSWER = 16_000
-"""Tokens of one answer, reasoning included."""
+"""Tokens. Maximum length of an answer, including reasoning."""
 LONGEST_SIDE = 1024
-"""Pixels of the longer side of a picture as sent: larger ones are downscaled, smaller ones kept."""
+"""px. Maximum side of a sent picture; larger ones are downscaled."""
 JPEG_QUALITY = 90
 
 
 @dataclass(frozen=True, slots=True)
 class Picture:
-    """An encoded picture: JPEG bytes and its size in pixels."""
+    """Encoded picture: JPEG bytes and size in pixels."""
 
     data: bytes
     width: int
@@ -61,7 +62,7 @@ class Picture:
     media_type: str = "image/jpeg"
 
     def note(self) -> dict[str, Any]:
-        """Size and digest of the picture for the record."""
+        """Return size and digest of the picture for the record."""
         return {
             "width": self.width,
             "height": self.height,
@@ -70,7 +71,7 @@ class Picture:
 
 
 def picture(path: Path) -> Picture:
-    """A picture file as it is sent: downscaled, and encoded anew without the file's metadata.
+    """Encode a picture file for sending: downscaled and without the file's metadata.
 
     Raises:
         InputError: not readable as a picture, or too large.
@@ -83,7 +84,7 @@ def picture(path: Path) -> Picture:
 
 @dataclass(slots=True)
 class ModelSession:
-    """Dialogue as the provider sees it: the messages so far, and the time that is left."""
+    """Dialogue with a provider: the messages so far and the deadline."""
 
     endpoint: Endpoint
     system: str
@@ -95,10 +96,10 @@ class ModelSession:
     deadline: float = field(default=0.0, init=False)
 
     def ask(self, message: str) -> Answer:
-        """Send the next message.
+        """Send the next message and return the answer.
 
         Raises:
-            Unavailable: the provider cannot be reached, refuses, or the time is used up.
+            Unavailable: the provider is unreachable or refuses, or the time is used up.
         """
         started = time.monotonic()
         self.deadline = self.deadline or started + self.budget.seconds  # of the whole dialogue
@@ -115,7 +116,7 @@ class ModelSession:
         return answer
 
     async def _exchange(self, message: str) -> tuple[ModelResponse, int]:
-        """The response to `message`, and the number of requests that it took."""
+        """Return the response to `message`, and the number of requests."""
         from pydantic_ai.exceptions import ModelAPIError
         from pydantic_ai.messages import BinaryContent, ModelRequest, TextPart, UserContent
         from pydantic_ai.messages import UserPromptPart as Prompt
@@ -125,13 +126,14 @@ class ModelSession:
             for each in self.pictures:
                 content.append(BinaryContent(each.data, media_type=each.media_type))
         self.messages.append(ModelRequest([Prompt(content)], instructions=self.system or None))
+        # Retry after transient errors; `_wait` raises after the last attempt.
         for attempt in range(1, len(BACKOFF) + 2):
             try:
                 response = await self._response()
             except ModelAPIError as error:
                 await asyncio.sleep(self._wait(error, attempt))
                 continue
-            # Any key that the answer repeats is removed before it is kept or sent again.
+            # Redact any key in the answer before it is stored or sent again.
             parts = [
                 replace(part, content=redact(part.content)) if isinstance(part, TextPart) else part
                 for part in response.parts
@@ -142,11 +144,11 @@ class ModelSession:
         raise AssertionError("unreachable: _wait raises after the last attempt")
 
     async def _response(self) -> ModelResponse:
-        """The response to the messages so far, from one request.
+        """Send one request with the messages so far and return the response.
 
         Raises:
             ModelAPIError: the provider failed or refused.
-            Unavailable: the response is not that of its API.
+            Unavailable: the response is not in the form of its API.
         """
         from pydantic_ai.direct import model_request
         from pydantic_ai.exceptions import ModelAPIError
@@ -157,6 +159,7 @@ class ModelSession:
         if self.schema is not None:
             wanted = OutputObjectDefinition(json_schema=self.schema, name="plan", strict=True)
             parameters = ModelRequestParameters(output_mode="native", output_object=wanted)
+        # Bound the time of the request by the remaining time of the dialogue.
         patience = self.budget.patience(self.deadline - time.monotonic())
         async with bounded_client(patience) as client:
             try:
@@ -174,15 +177,15 @@ class ModelSession:
             except (ModelAPIError, ImportError, PalpateError):
                 raise
             except Exception as error:
-                # The SDKs raise exceptions of many kinds on answers that they cannot parse.
+                # SDKs raise many kinds of exceptions for unparseable answers.
                 problem = TOO_LARGE if is_too_large(error) else NOT_THE_API
                 raise self._failure(problem) from None
 
     def _wait(self, error: ModelAPIError, attempt: int) -> float:
-        """Seconds until the request may be repeated.
+        """Return the seconds until a retry.
 
         Raises:
-            Unavailable: repeating does not help, or there is no time for it.
+            Unavailable: a retry is useless, or there is no time for it.
         """
         problem = reason(error, self.endpoint)
         if not may_pass(error):
@@ -190,7 +193,7 @@ class ModelSession:
         if attempt > len(BACKOFF):
             raise self._failure(f"{problem}, {attempt} times") from None
         wait = BACKOFF[attempt - 1]
-        # The provider's own wait (Retry-After) goes before ours.
+        # A wait stated by the provider (Retry-After) has priority.
         if error.retry_after is not None:
             wait = max(0.0, error.retry_after)
             problem += f" and asks to wait {wait:.0f} s"
@@ -205,12 +208,12 @@ class ModelSession:
 
 
 def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
-    """The answer in a provider's response, with its figures."""
+    """Return the answer in a provider's response, with its statistics."""
     from pydantic_ai.messages import TextPart
 
     usage = response.usage
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
-    # A refusal has no text part; the model's words are then in the details.
+    # A refusal has no text part; its text is in the details.
     refusal = str((response.provider_details or {}).get("refusal", ""))
     try:
         cost = float(response.cost().total_price)  # list prices that came with the SDK

@@ -16,7 +16,7 @@ else:
 
 PANEL = "Model as planner"
 FEEDBACK_ROUNDS = 3
-"""Number of times that findings go back to the model."""
+"""Number of rounds in which findings return to the model."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -24,10 +24,11 @@ class Budget:
     """Budget of one plan.
 
     Attributes:
-        attempt_seconds: time of one request; None for all that is left. A local model may think for
-            minutes.
-        tokens: input and output together.
-        dollars: by list prices, where the model has one.
+        seconds: total time, s.
+        attempt_seconds: time of one request, s; None for all the remaining time. A local model may
+            take minutes.
+        tokens: input and output tokens together.
+        dollars: cost by list prices, for models with a known price.
     """
 
     seconds: Annotated[
@@ -43,12 +44,12 @@ class Budget:
     ] = 2
 
     def patience(self, left: float) -> float:
-        """Seconds that one request may take when `left` are left of all."""
+        """Return the maximum seconds of one request with `left` seconds remaining in total."""
         patience = left if self.attempt_seconds is None else min(left, self.attempt_seconds)
         return max(0.1, patience)
 
     def exhaustion_reason(self, conversation: Conversation) -> str | None:
-        """Reason why no further message may be sent, or None."""
+        """Return the reason why no further message may be sent, or None."""
         if conversation.tokens >= self.tokens:
             return f"the budget of {self.tokens} tokens is used up"
         if (conversation.cost or 0.0) >= self.dollars:
@@ -62,9 +63,14 @@ class ModelSettings:
 
     Attributes:
         base_url: address of an OpenAI-compatible server or proxy; None for the provider's own.
-        native: ask for structured output, in the flat form, instead of JSON in prose.
-        comments: send the comments in the scene's file. Studies leave them out, because a note
-            beside a body ("was never weighed") gives the answer away.
+        native: request structured output in the flat form, instead of JSON in prose.
+        without: parts of the prompt to leave out.
+        prompt: style of the system prompt.
+        comments: send the comments in the scene's file. Studies leave them out, because a note on a
+            body ("was never weighed") reveals the answer.
+        rounds: rounds in which findings return to the model.
+        critic: `PROVIDER:MODEL` of a critic; None without one.
+        budget: time, tokens and cost of a plan.
     """
 
     base_url: Annotated[str | None, Option("Address of the model's server.", "URL", PANEL)] = None
@@ -97,16 +103,16 @@ class ModelSettings:
 
     @property
     def address(self) -> str | None:
-        """`base_url` without user name, password and query: what files and reports may show."""
+        """`base_url` without user name, password and query, for files and reports."""
         url = urlsplit(self.base_url or "")
         host = url.netloc.rpartition("@")[2]
         return urlunsplit((url.scheme, host, url.path, "", "")) or None
 
     def check_values(self) -> ModelSettings:
-        """Return these settings after checking their names.
+        """Return these settings after a check of their names.
 
         Raises:
-            InputError: no such prompt, module of it, or provider.
+            InputError: no such style, module or provider.
         """
         if self.prompt != "full" or self.without:
             from palpate.planning.model.prompt import checked_modules, checked_style

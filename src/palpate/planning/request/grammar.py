@@ -83,7 +83,7 @@ class DerivationChart:
             for end, meanings in edges:
                 _add(ends, end, CheapestReadings(0, {meanings: None}))
             return ends
-        # Memoise before the rules are applied. A left-recursive rule then finds no readings.
+        # Store the entry before the rules are applied, so that a left recursion ends.
         known = self._known[start]
         if name not in known:
             known[name] = {}

@@ -188,7 +188,6 @@ def _propose(
         if any(_asks_otherwise(part.words, at) for at in unused):
             return (), ()
         for act, clause in next(cover.readings()):
-            # The user confirms the reference of a pronoun.
             reading.selection.unsure = False  # the user confirms what a pronoun is taken for
             try:
                 if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):

@@ -1,4 +1,4 @@
-"""Interpretation of a request, clause by clause: the wanted and excluded parameters."""
+"""Interpretation of the clauses of a request, in order: wanted and excluded parameters."""
 
 from __future__ import annotations
 

@@ -345,7 +345,6 @@ class Selection:
     def _less(self, selector: Except) -> Iterator[Item]:
         items = tuple(self._items(selector.base))
         self.spoken.append(items)  # "the red one" is one of them
-        # References such as "the red one" refer to the base.
         less = set(self._each(selector.less))
         self.spoken.pop()
         self.spared.append(Item((), tuple(less), plural=True))
