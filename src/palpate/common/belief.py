@@ -67,6 +67,7 @@ class BeliefTouch:
     @property
     def said(self) -> str:
         """The measurement in words."""
+        # Name the axis with the largest component.
         axes = zip("xyz", self.along, strict=True)
         axis, part = max(axes, key=lambda one: abs(one[1]))
         sign = "-" if part < 0.0 else "+"
@@ -114,11 +115,13 @@ class Belief:
 
     def at(self, pose: Pose) -> Belief:
         """Return the belief after the object was carried to `pose`: its errors turn with it."""
+        # Rotate both blocks of the covariance: P' = T P Tᵀ.
         turn = np.kron(np.eye(2), pose.rotation @ self.pose.rotation.T)
         return replace(self, pose=pose, covariance=turn @ self.covariance @ turn.T)
 
     def after_drag(self) -> Belief:
         """Return the belief after the object was dragged between the fingers."""
+        # Dragging adds horizontal variance of the position.
         slips = np.diag([SLIPS**2, SLIPS**2, 0.0, 0.0, 0.0, 0.0])
         return replace(self, covariance=self.covariance + slips)
 
@@ -139,6 +142,7 @@ class Belief:
         belief was less certain than stated: its covariance grows until the touch is `SURE` standard
         deviations off.
         """
+        # Prior variance along the direction, H P Hᵀ.
         row, noise = self._row(along, point), ERROR
         prior = self.covariance.copy()
         # Variance of a uniform push to either side: pushed² / 3.
@@ -158,6 +162,7 @@ class Belief:
         # Joseph form of the covariance, which stays positive semidefinite.
         rest = np.eye(6) - np.outer(gain, row)
         covariance = rest @ prior @ rest.T + noise**2 * np.outer(gain, gain)
+        # Apply the correction to position and orientation.
         turned = Pose.turn(step[3:]) @ Pose.of((0.0, 0.0, 0.0), self.pose.quaternion)
         pose = Pose(self.pose.position + step[:3], turned.quaternion)
         # A free object was found in its original place; an object that the fingers closed on was pushed.

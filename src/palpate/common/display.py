@@ -51,6 +51,7 @@ def _escape(found: re.Match[str]) -> str:
 
 
 def _json_escape(found: re.Match[str]) -> str:
+    # JSON escapes a character by its UTF-16 units.
     units = found.group().encode("utf-16-be", "surrogatepass")
     return "".join(
         f"\\u{high:02x}{low:02x}" for high, low in zip(units[::2], units[1::2], strict=True)
@@ -81,6 +82,7 @@ def table(caption: str, headings: Sequence[str], rows: Iterable[Sequence[str]]) 
 def text_table(headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
     """Format a table as text in columns, two spaces apart."""
     table = [headings, *rows]
+    # Pad each column to its longest cell.
     widths = [max(map(len, column)) for column in zip(*table, strict=True)]
     lines: list[str] = []
     for row in table:

@@ -44,6 +44,7 @@ def unknown_name(
 
     The probable choice is `meant`, else a name with similar spelling.
     """
+    # Assemble the message: the unknown name, a guess, the valid names, a hint.
     names = sorted(valid)
     choices = ", ".join(names) or "none"
     tail = f" {hint}" if hint else ""
@@ -56,6 +57,7 @@ def perhaps(name: str, names: Iterable[str]) -> str:
     """Return ` did you mean 'bottle'?` if `name` is nearly one of `names`, or the part after its last slash;
     else an empty string.
     """
+    # Compare in lower case, by the whole name and by its last part.
     by_letters: dict[str, str] = {}
     for known in names:
         by_letters.setdefault(known.lower().rpartition("/")[2], known)

@@ -88,6 +88,7 @@ class Declared(NamedTuple):
 
 def iter_options(model: Any, outer: str = "") -> Iterator[Declared]:
     """Iterate over the fields of a dataclass that are options, including those of nested dataclasses."""
+    # Options are annotated fields; nested dataclasses add a prefix.
     hints = get_type_hints(model, include_extras=True)
     for field in fields(model):
         hint, name = hints[field.name], f"{outer}{field.name}"

@@ -164,6 +164,7 @@ def plain_yaml(text: str, where: str) -> Any:
                 raise yaml.MarkedYAMLError(problem=problem, problem_mark=token.start_mark)
         return yaml.load(text, Loader)
     except yaml.YAMLError as error:
+        # Add the position if the parser knows it.
         mark = getattr(error, "problem_mark", None)
         if mark is not None:
             where += f", line {mark.line + 1}, column {mark.column + 1}"
@@ -212,6 +213,7 @@ def plain_number(value: Any) -> Any:
 
 def describe_error(error: ValidationError, form: type[BaseModel]) -> str:
     """Describe the first error: its key and the valid choices."""
+    # Name the key by its dotted path.
     first = error.errors()[0]
     key = ".".join(str(part) for part in first["loc"]) or "content"
     if first["type"] == "missing":
@@ -219,6 +221,7 @@ def describe_error(error: ValidationError, form: type[BaseModel]) -> str:
     if first["type"] != "extra_forbidden":
         return f"'{key}': {first['msg'].removeprefix('Value error, ')}"
     section = form  # the section that the path to the key leads to
+    # Follow the path to the innermost section.
     for part in first["loc"][:-1]:
         inner = section.model_fields[str(part)].annotation if isinstance(part, str) else None
         if isinstance(inner, type) and issubclass(inner, BaseModel):

@@ -161,6 +161,7 @@ def _turning_left(points: list[list[float]], least: float) -> list[list[float]]:
 
 def clip_polygon(polygon: Array, by: Array) -> Array:
     """Compute the corners (m, 2) of the intersection of two polygons (Sutherland and Hodgman)."""
+    # Clip the polygon by each side in turn.
     if len(by) < 3:
         return np.zeros((0, 2))
     corners: list[list[float]] = by.tolist()
@@ -185,6 +186,7 @@ def depth(polygon: Array, point: Array) -> float:
     """Compute the distance, m, from a point inside to the polygon's nearest side; negative outside."""
     if len(polygon) < 3:
         return -np.inf
+    # Signed distance from each side; positive inside for counterclockwise corners.
     sides = np.roll(polygon, -1, axis=0) - polygon
     return float((_cross(sides, point - polygon) / np.hypot(sides[:, 0], sides[:, 1])).min())
 
@@ -214,6 +216,7 @@ def tip_to_rest(points: Array, centre: Array) -> Pose:
     centre is outside the support polygon, the body tips over the nearest edge until another part touches.
     There is no motion for a body that is stable, or that would turn by more than `MOST`.
     """
+    # Tip until the body is stable, or has turned too far.
     unmoved = Pose.of(np.zeros(3))
     moved, turned = unmoved, 0.0
     for _ in range(TIPS):
@@ -245,6 +248,7 @@ def _tip(points: Array, centre: Array) -> Pose | None:
         return None
     # The point that lands first subtends the smallest angle with the plane at the edge.
     angle = float(np.arctan2(points[landing, 2] - plane, along[landing]).min())
+    # Rotation about the horizontal edge through the nearest point.
     half = 0.5 * angle
     axis = np.array([-way[1], way[0], 0.0])
     turn = Pose.of(np.zeros(3), [np.cos(half), *(np.sin(half) * axis)])

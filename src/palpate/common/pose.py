@@ -55,6 +55,7 @@ class Pose:
     def turn(cls, rotation_vector: ArrayLike) -> Pose:
         """Return the rotation about the origin by a rotation vector (3,), rad."""
         vector = np.asarray(rotation_vector, dtype=float)
+        # sinc keeps the quaternion of a small rotation exact.
         half = float(np.linalg.norm(vector)) / 2
         return cls.of((0.0, 0.0, 0.0), (np.cos(half), *(np.sinc(half / np.pi) / 2 * vector)))
 
@@ -112,6 +113,7 @@ class Pose:
 
     def angle_to(self, other: Pose) -> float:
         """Compute the rotation angle between the two orientations, rad in [0, pi]."""
+        # q and -q are one orientation: angle = 2 arccos |q1 · q2|.
         dot = abs(float(self.quaternion @ other.quaternion))
         return 2.0 * float(np.arccos(min(1.0, dot)))
 
@@ -123,6 +125,7 @@ class Pose:
 
 def rotations(quaternions: Array) -> Array:
     """Compute the rotation matrices (n, 3, 3) of unit quaternions (n, 4), wxyz."""
+    # Standard formula of the rotation matrix, row by row.
     w, x, y, z = quaternions.T
     rows = [
         [1.0 - 2.0 * (y**2 + z**2), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
@@ -167,6 +170,7 @@ class PoseLine:
 
         `believed` is the position nearest to `point` (3,) in the world.
         """
+        # A unit direction, and the ends at plus and minus its length.
         length = float(np.linalg.norm(half))
         line = cls(pose, half / length, -length, length, 0.0)
         return cls(line.pose, line.along, line.least, line.most, line.nearest(point))
@@ -303,6 +307,7 @@ class Joint:
         """
         if self.is_slide:
             return self.axis
+        # Velocity of a point on a hinge: axis × radius.
         way = np.cross(self.axis, point - self.anchor)
         return way / max(float(np.linalg.norm(way)), 1e-9)
 
@@ -321,5 +326,6 @@ class Joint:
 
     def _radius(self, points: Array) -> Array:
         """Compute the perpendicular vectors (n, 3), m, from the axis to points (n, 3)."""
+        # Subtract the component along the axis.
         apart = points - self.anchor
         return apart - np.outer(apart @ self.axis, self.axis)

@@ -65,6 +65,7 @@ class Interrupts:
         Raises:
             Interrupted: it is not deferred, or an earlier signal is still pending.
         """
+        # A second signal while one is pending is raised at once.
         pending = self._handled < self._count
         self._count += 1
         self._latest = signal.Signals(number).name
@@ -76,6 +77,7 @@ class Interrupts:
     @contextmanager
     def defer(self) -> Generator[None]:
         """Defer signals inside the block."""
+        # Remember the count at the outermost block, and restore the state at its end.
         deferring, before = self._deferring, self._before
         if not deferring:
             self._before = self._count
@@ -131,6 +133,7 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
 
     Outside the main thread Python delivers no signals, and nothing is installed.
     """
+    # A nested call shares the active handler.
     taken = getattr(signal.getsignal(signal.SIGINT), "__self__", None)
     if isinstance(taken, Interrupts):
         yield taken
@@ -139,6 +142,7 @@ def interrupts(signals: Iterable[signal.Signals] = (signal.SIGINT,)) -> Generato
     if threading.current_thread() is not threading.main_thread():
         yield new
         return
+    # Install the handler, and restore the previous ones at the end.
     previous = {number: signal.signal(number, new.take) for number in signals}
     try:
         yield new
@@ -229,6 +233,7 @@ class Beside(Generic[T]):
     def close(self) -> None:
         """End the copy."""
         if self._copy is not None and self._receiver is not None:
+            # Give the copy time to remove its files, then kill it.
             self._copy.terminate()
             self._copy.join(GRACE)
             self._copy.kill()
@@ -260,6 +265,7 @@ def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
     This process handles the first share of the items, and one copy per further processor handles an equal
     share.
     """
+    # Divide the items into equal shares.
     share = math.ceil(len(items) / processors())
     with ExitStack() as stack:
         copies = [

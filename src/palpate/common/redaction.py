@@ -59,6 +59,7 @@ def redact_document(content: T) -> T:
 
 def _remove_keys(keys: Iterable[str], text: str) -> str:
     """Redact `keys`, credentials, and texts that look like keys."""
+    # Texts that look like keys, then the known keys in all spellings.
     for pattern in _KEY_LIKE:
         text = pattern.sub(BLOT, text)
     text = _CREDENTIALS.sub(f"://{BLOT}@", text)
@@ -81,6 +82,7 @@ def _redact_content(content: Any, keys: tuple[str, ...]) -> Any:
 
 def _keys() -> tuple[str, ...]:
     """Return the keys in the environment, the longest first, because one may begin with another."""
+    # Values of all variables that are named like keys.
     names = [name for name in os.environ if _KEY_NAME.match(name)]
     values = {os.environ[name].strip() for name in names}
     long_enough = [value for value in values if len(value) >= SHORTEST]
@@ -96,6 +98,7 @@ def _spread(key: str) -> re.Pattern[str]:
 
 
 def _spellings(character: str) -> str:
+    # Escapes of JSON, URLs (also repeated) and XML.
     code = ord(character)
     escapes = rf"\\+u{code:04x}|\\+x{code:02x}|%(?:25)*{code:02x}|&#0*{code};|&#x0*{code:x};"
     return f"(?:{re.escape(character)}|(?i:{escapes}))"
@@ -126,6 +129,7 @@ def _forms(key: str) -> tuple[str, ...]:
 
 def _without_stretches(text: str, forms: Iterable[str]) -> str:
     """Redact parts of `text` that are long enough parts of a form of the key."""
+    # Collect the spans of all forms, and replace the merged spans.
     covered: list[tuple[int, int]] = []
     for form in forms:
         covered += _stretches(text, form)
@@ -139,6 +143,7 @@ def _without_stretches(text: str, forms: Iterable[str]) -> str:
 
 def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
     """Yield the spans of `text` that equal `STRETCH` successive characters of the form."""
+    # Search for every part of this width.
     width = min(STRETCH, len(form))
     for i in range(len(form) - width + 1):
         start = text.find(form[i : i + width])
@@ -149,6 +154,7 @@ def _stretches(text: str, form: str) -> Iterator[tuple[int, int]]:
 
 def _merge_spans(spans: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
     """Join spans that overlap or touch."""
+    # Spans in order of their start; each extends the last one or begins a new one.
     first = last = -1
     for start, end in sorted(spans):
         if start > last:

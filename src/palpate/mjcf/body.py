@@ -108,6 +108,7 @@ class BodyDescription:
         """Joint of a fixture, in the initial configuration of the scene; None for other bodies."""
         if self.elements.joint is None:
             return None
+        # Axis, anchor and limits as compiled, in the initial configuration.
         model, data = self.shapes.model, self.shapes.data
         i = int(model.body(self.name).jntadr[0])
         at = int(model.jnt_qposadr[i])
@@ -137,6 +138,7 @@ class BodyDescription:
         """Colliding geoms of a fixture that are named as a handle, or are in a body of such a name."""
         found: list[Element] = []
         for geom in self.elements.colliding:
+            # Bodies between the geom and the fixture.
             inner = list(geom.iterancestors("body"))
             inner = inner[: inner.index(self.elements.element)]
             if any(HANDLE.search(part.get("name") or "") for part in (geom, *inner)):

@@ -107,12 +107,13 @@ def require_limits(
     for model in (document, *document.attached().values()):
         for element in elements(model.root):
             _require_sizes(element, where)
+    # Amounts in files, then those of every element with its copies.
     files = _file_amounts(document, is_loaded)
     total: defaultdict[str, float] = defaultdict(float)
     # Amounts are summed during the walk and refused at the first excess, so that a bomb is never walked to
     # its end.
     for element, own, copies in _copies(document):
-        # Each `<attach>` copies the assets of its model, whatever replicates that `<attach>`.
+        # An `<attach>` copies the assets of its model once, even inside a `<replicate>`.
         amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
         counted = _amounts(element) if is_loaded(element) else ()
         for what, amount in (*counted, *files.get(element, ())):
@@ -160,9 +161,11 @@ def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
             element, model, own, copies = pending.pop()
             yield element, own, copies
             if element.tag == "replicate":
+                # A `<replicate>` multiplies its content.
                 count = max([1.0, *_numbers(element, "count")])
                 own, copies = own * count, copies * count
             if element.tag == ATTACH and (part := brought(element, model, ())) is not None:
+                # An `<attach>` visits the content of its model.
                 copied = part.content if part.is_own else part.model.root
                 pending.append((copied, part.model, float(part.model not in seen), copies))
                 seen.add(part.model)
@@ -207,6 +210,7 @@ def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[t
     for named in document.named:
         if named.element.tag in ("include", "model") or not is_loaded(named.element):
             continue
+        # A picture adds its pixels, another file its bytes.
         path, amounts = named.path, found.setdefault(named.element, [])
         if path not in pixels:
             pixels[path] = _picture_pixels(path)
@@ -215,6 +219,7 @@ def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[t
             continue
         amounts.append((MESHES, path.stat().st_size))
         if named.element.tag == "flexcomp":
+            # Points of a flexible body: by the file's size, or by the lines of an OBJ.
             points = path.stat().st_size / _POINT_BYTES
             if path.suffix.lower() == ".obj":
                 content = read_bytes(path, LIMITS[MESHES], "points of a flexible thing")
@@ -235,6 +240,7 @@ def _picture_pixels(path: Path) -> int:
         InputError: it has too many pixels, or unpacks to too many bytes.
     """
     with open_with_limit(path, MAX_ASSET_BYTES, "a file that a scene may name") as file:
+        # Width and height are in the header of the first chunk.
         start = file.read(24)
         if not start.startswith(PNG) or len(start) < 24:
             return 0
@@ -252,6 +258,7 @@ def _picture_pixels(path: Path) -> int:
 
 def _check_unpacked_size(path: Path, file: BinaryIO) -> None:
     """Unpack a picture in pieces up to the limit, with little memory."""
+    # Only image data is unpacked; other chunks count with their worst ratio.
     unpacked = 0
     stream = zlib.decompressobj()
     for kind, content in _iter_chunks(file):
@@ -284,6 +291,7 @@ def _iter_chunks(file: BinaryIO) -> Iterator[tuple[bytes, bytes]]:
 
 def _require_sizes(element: Element, where: str) -> None:
     """Require sizing attributes within `SIZES`, and plugins of MuJoCo alone."""
+    # Numbers that set MuJoCo's memory or computing time.
     for attribute in SIZES.keys() & set(element.keys()):
         if max(_numbers(element, attribute), default=0.0) > SIZES[attribute]:
             raise _limit_error(element, where, attribute, SIZES[attribute])

@@ -57,6 +57,7 @@ class ModelTree:
     @classmethod
     def of(cls, document: Document) -> ModelTree:
         """Make an unchanged copy."""
+        # Copy each model, and map every element to its copy.
         twin_of: dict[Element, Element] = {}
         attached = document.attached()
         for model in (document, *attached.values()):
@@ -66,6 +67,7 @@ class ModelTree:
 
     def is_loaded(self) -> Loaded:
         """Make a test if the original of an element is in this tree, or in a model that it still names."""
+        # Models that are reachable by the names in `<asset>`.
         roots, pending = {self.root}, [self.root]
         while pending:
             for model in pending.pop().iterfind("asset/model"):
@@ -127,6 +129,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
     Raises:
         InputError: MuJoCo does not accept the scene.
     """
+    # Attached models are passed as text, by their paths.
     include: dict[str, bytes] = {}
     for path, root in tree.attached.items():
         include[str(path)] = etree.tostring(root, encoding="unicode").encode("utf-8")
@@ -235,6 +238,7 @@ def _attached_place(attach: Element, document: Document) -> dict[str, str]:
 
     It is compiled with the settings of its own model, which may use another angle unit.
     """
+    # The first body of the attached content is the robot's base.
     part = brought(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
@@ -256,6 +260,7 @@ def _attached_place(attach: Element, document: Document) -> dict[str, str]:
 
 def _remove_referring(root: Element, names: set[str]) -> set[str]:
     """Remove entries that refer to removed elements; return the names of the entries."""
+    # Texts and numbers in `<custom>` refer to nothing.
     gone: set[str] = set()
     for tag in _REFERRING:
         for section in root.iterfind(tag):
@@ -292,6 +297,7 @@ def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:
     `models` are the names of attached models by their files.
     """
     for tag in _ASSETS:
+        # An asset is used if an attribute of its tag's name refers to it.
         used = _references(root, tag)
         for section in root.iterfind("asset"):
             for asset in section.findall(tag):

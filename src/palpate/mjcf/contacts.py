@@ -83,6 +83,7 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     Returns:
         Id of the object's geom and coefficient of sliding friction, 0 for a contact without it (`condim="1"`).
     """
+    # Geoms of the object; contacts between two of them do not count.
     own = [body.shapes.geom_ids[geom] for geom in body.elements.colliding]
     # A margin lets MuJoCo find a support that the object does not quite touch.
     model = copy(body.shapes.model)
@@ -91,6 +92,7 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     model.pair_margin[:] = RESTING
     data = mujoco.MjData(model)
     mujoco.mj_fwdPosition(model, data)
+    # Contacts between the object and another body whose normal carries the object.
     is_own = np.isin(data.contact.geom, own)
     # The normal points from the first geom to the second: upwards into the object.
     up = data.contact.frame[:, 2] * np.where(is_own[:, 1], 1.0, -1.0)
@@ -134,11 +136,12 @@ def acting_friction(body: BodyDescription) -> float | None:
 def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
     """Find the explicit `<pair>`s of an object's colliding geoms with static geoms.
 
-    MuJoCo takes the friction of their contacts from the pair, whatever the geoms state.
+    MuJoCo takes the friction of their contacts from the pair, regardless of the geoms' own values.
     """
     model, geoms = body.shapes.model, body.shapes.geom_ids
     if not len(model.pair_dim):
         return ()
+    # Pairs are in the main file and in attached models.
     static = set(static_geoms(body).tolist())
     roots = dict.fromkeys(geom.getroottree().getroot() for geom in geoms)
     found: list[Element] = []
@@ -168,6 +171,7 @@ def spring_of(body: BodyDescription) -> tuple[float, float] | None:
     depth.
     """
     model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
+    # A direct `solref` is negative: -stiffness and -damping per unit of mass.
     (stiffness, damping), (least, most) = model.geom_solref[geom], model.geom_solimp[geom][:2]
     if stiffness >= 0.0 or not np.isclose(least, most):
         return None
@@ -223,6 +227,7 @@ def fingertip_mass(body: BodyDescription) -> float:
     plate.priority, plate.solmix = int(model.geom_priority[geom]), float(DECIDES)
     plate.solref[:], plate.solimp[:2] = (-1.0, 0.0), IMPEDANCE
     add_ball(spec, (0.0, 0.0, BALL - PRESSED))
+    # Force at rest: the sum of aref / R over the rows of the contact.
     compiled = spec.compile()
     data = mujoco.MjData(compiled)
     mujoco.mj_forward(compiled, data)
@@ -269,9 +274,11 @@ def hanging_force(body: BodyDescription) -> str:
     of the weight.
     """
     model = body.shapes.model
+    # Only a free object hangs in the hand.
     joint = int(model.body(body.name).jntadr[0])
     if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
         return ""
+    # Compare forces on the free joint's translation with the weight.
     moved = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 3)
     weight = mass_of(body) * float(np.linalg.norm(model.opt.gravity))
     if weight == 0.0:
@@ -305,6 +312,7 @@ def hanging_force(body: BodyDescription) -> str:
 def static_geoms(body: BodyDescription) -> NDArray[np.intp]:
     """Return the ids of the colliding geoms that no free joint moves; copies of an object have one."""
     model = body.shapes.model
+    # Geoms that can collide, on bodies whose root has no free joint.
     touching = (model.geom_contype | model.geom_conaffinity) != 0
     # A body without a joint has index -1, which selects the appended -1.
     joints = model.body_jntadr[model.body_rootid[model.geom_bodyid]]

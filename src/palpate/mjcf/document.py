@@ -149,6 +149,7 @@ def parse_xml(text: str, where: str) -> Element:
     Raises:
         InputError: malformed (with line and column), a DTD or entities, too deep, too large.
     """
+    # Check size, DTD and depth before lxml parses the text.
     data = text.encode("utf-8")
     if len(data) > MAX_BYTES:
         raise InputError(

@@ -73,6 +73,7 @@ def scan(text: str) -> list[XmlTag]:
     parser = expat.ParserCreate("utf-8")
 
     def start_element(name: str, _: Mapping[str, str]) -> None:
+        # Match the attributes after the tag's name, one by one.
         start = parser.CurrentByteIndex
         position = start + 1 + len(name.encode("utf-8"))
         attributes: dict[str, tuple[int, int]] = {}
@@ -136,6 +137,7 @@ def element(name: str, attributes: Mapping[str, str]) -> str:
 
 def first_child(data: bytes, tag: XmlTag, content: str) -> TextChange:
     """Insert a first child, indented like the child that it precedes."""
+    # Reuse the white space before the present first child.
     rest = data[tag.end :]
     space = rest[: len(rest) - len(rest.lstrip())].decode("utf-8")
     indent = space if "\n" in space else ""
@@ -179,11 +181,13 @@ def inline_includes(
         data = text.encode("utf-8")
         parts: list[TextChange] = []
         for tag in tags:
+            # Read the file or its replacement, and check that it is well-formed.
             path = includes[html.unescape(tag.value(data, "file"))]
             included = (texts or {}).get(path)
             if included is None:
                 included = read_text(path)
             parse_xml(included, str(path))
+            # Insert the content of its root element.
             root = scan(included)[0]
             content = included.encode("utf-8")[root.end : root.close].decode("utf-8").strip()
             parts.append(TextChange(tag.start, tag.last, _with_names(content, renamed or {})))
@@ -276,6 +280,7 @@ class Slot:
 
     def open_numbers(self, stated: str | None) -> list[int]:
         """Return the positions of the `?` in the attribute's text `stated`."""
+        # A missing attribute is open in all required numbers.
         parts = [UNKNOWN] * self.required if stated is None else tokens(stated)
         return [i for i, part in enumerate(parts) if part == UNKNOWN and self.covers(i)]
 

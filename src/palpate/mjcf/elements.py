@@ -48,6 +48,7 @@ def replace_unknowns(
     """Yield the changes that replace each `?` in an element's inherited attributes by its number in `values`,
     or remove the attribute (None).
     """
+    # The last of three numbers serves all further positions.
     for attribute, numbers in values.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
@@ -171,6 +172,7 @@ def own_geoms(body: Element) -> tuple[Element, ...]:
 
 def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
     """Return the geoms that can collide (`contype` or `conaffinity` not 0); all where none can."""
+    # An absent mask has MuJoCo's default, 1.
     touching: list[Element] = []
     for geom in geoms:
         masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
@@ -215,6 +217,7 @@ def has_joint(body: Element) -> bool:
 
 def hinged_by(body: Element, defaults: Defaults) -> Element | None:
     """Return the only slide or hinge joint of a body without other joints below; None for other bodies."""
+    # The joint must be the only one, and its body's own.
     below = list(body.iter("joint", "freejoint", "attach", "replicate"))
     own = [child for child in through_frames(body) if child.tag == "joint"]
     if len(below) != 1 or below != own:

@@ -82,6 +82,7 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
         return ()
     found: list[Element] = []
     for geom in weighing_geoms(body):
+        # A geom is open if it states neither mass nor density, or marks one with `?`.
         stated = tokens(body.defaults.attribute(geom, "mass"))
         stated += tokens(body.defaults.attribute(geom, "density"))
         if not stated or UNKNOWN in stated:
@@ -186,6 +187,7 @@ def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
     They are in the compiler's `inertiagrouprange`, and their body has no `<inertial>`.
     """
     for geom in body.elements.geoms:
+        # The compiler infers masses from geoms of some groups only.
         root = geom.getroottree().getroot()
         low, high = compiler_settings(root).get("inertiagrouprange", "0 5").split()
         part = next(geom.iterancestors("body"), body.elements.element)
@@ -221,6 +223,7 @@ def written(
     Raises:
         InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
     """
+    # A mass alone needs no `<inertial>`.
     mine = _Together(stated)
     if mine.com is not None or mine.inertia is not None:
         yield from _inertial(body, mine, _Together(known))
@@ -237,6 +240,7 @@ class _Together:
         self.com: tuple[float, ...] | None = None
         self.com_std: float | None = None
         self.inertia: tuple[float, ...] | None = None
+        # The last statement of each value counts.
         for statement in statements:
             if statement.mass is not None:
                 self.mass, self.mass_std = statement.mass, statement.std
@@ -283,6 +287,7 @@ def _weights(body: BodyDescription) -> dict[Element, float]:
     unweighed = unweighed_geoms(body)
     if unweighed:
         return {geom: volume(geom) for geom in unweighed}
+    # Without open geoms, keep the ratios of the stated masses.
     stated: dict[Element, float] = {}
     for geom in weighing_geoms(body):
         mass = body.defaults.attribute(geom, "mass")
@@ -337,6 +342,7 @@ def _moments(
     body: BodyDescription, inertial: Element, tensor: Array, is_measured: bool
 ) -> Iterator[Edit]:
     """Yield the changes that state the inertia in an existing `<inertial>`."""
+    # `fullinertia` states all six components in body axes.
     full = _format_numbers(components(tensor))
     if inertial.get("fullinertia") is not None:
         yield Edit(inertial, "fullinertia", unknown_only(inertial, "fullinertia", full))

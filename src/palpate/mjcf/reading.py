@@ -132,12 +132,14 @@ class _Reader:
             raise InputError(f"{where} is not MJCF but {other}")
         if root.tag != "mujoco":
             raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
+        # Expand the includes, then find and check the assets.
         includes = self._expand_includes(root, where)
         found = list(includes.values())
         self._check_assets(root, where, found)
         for element in elements(root):
             for attribute in COUNTS.keys() & set(element.keys()):
                 element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
+        # The root folder holds the scene and all files found.
         common_root = None if self.start is None else reduce(common, found, self.start)
         return Document(
             text=text,
@@ -194,6 +196,7 @@ class _Reader:
 
     def _check_assets(self, root: Element, where: str, found: list[Path]) -> None:
         """Find all named files, and read the attached models."""
+        # Each attribute that names a file, in document order.
         settings = compiler_settings(root)
         for element in elements(root):
             for attribute in _FILE_ATTRIBUTES:
@@ -274,6 +277,7 @@ class _Reader:
             return document
         before = self.models
         text = self.given[path] if path in self.given else read_text(path)
+        # A reader of the attached model, with the amounts so far.
         inner = _Reader(
             folder=path.parent,
             start=self.start,
@@ -287,6 +291,7 @@ class _Reader:
         )
         document = inner.document(text, str(path))
         self.bytes, self.asset_bytes, self.models = inner.bytes, inner.asset_bytes, inner.models
+        # Take over its elements, texts and file references.
         self.index |= inner.index
         self.texts |= {**inner.texts, path: text}
         self.named += inner.named
@@ -296,6 +301,7 @@ class _Reader:
 
 def _replace(include: Element, included: Element, where: str) -> None:
     """Replace an `<include>` by the content of its file."""
+    # Check the depth before the content is inserted.
     parent = include.getparent()
     if parent is None:
         raise InputError("<include> cannot be the root of a scene")
@@ -351,6 +357,7 @@ def common(folder: Path, path: Path) -> Path:
 
 def is_too_wide(root: Path) -> bool:
     """Test for a home, a system folder or a file system's root, which the user must name."""
+    # The user's home, and all folders above it.
     own = Path.home().resolve()
     if root == root.parent or root in (own, *own.parents):
         return True

@@ -70,6 +70,7 @@ class Robots:
         """Return the evidence for the robots of an attached model, `root`, whose names have a prefix in the
         scene.
         """
+        # Names of the user that belong to the attached model, without its prefix.
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
@@ -79,6 +80,7 @@ class Robots:
         """Test if a body with joints is a robot: an actuator drives a part of it, or it ends in a hand and is
         not free.
         """
+        # An actuator on any part identifies a robot.
         parts = [part for part in elements(body) if part.tag in ("joint", "site", "body")]
         if any(part.get("name") in self.driven for part in parts):
             # A drone is driven as a whole, by its site, and has only a free joint.
@@ -188,6 +190,7 @@ def find_roles(document: Document) -> Roles:
     Raises:
         InputError: a name used twice, a surface with several geoms of unknown height, or a missing robot.
     """
+    # Defaults of all models, and evidence for the robots of the main one.
     attached = [model.root for model in document.attached().values()]
     found = Roles(document.root, Defaults(document.root, *attached))
     robots = Robots(document.robots, driven(document.root), found.defaults)
@@ -275,6 +278,7 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
 
 
 def _add_object(body: Element, found: Roles, model: _Model) -> None:
+    # Geoms and bodies of the object, including attached content.
     all_parts = list(_parts(body, found, model))
     geoms = tuple(part for part in all_parts if part.tag == "geom")
     if _is_untouchable(body, geoms, found):
@@ -295,6 +299,7 @@ def _add_object(body: Element, found: Roles, model: _Model) -> None:
 
 
 def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, model: _Model) -> None:
+    # Only geoms that can collide make a surface.
     tops = carrying(element, colliding(geoms, found.defaults), found.defaults)
     if tops:
         body = Elements(
@@ -311,6 +316,7 @@ def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, mod
 
 
 def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> None:
+    # Fixtures of attached models are not supported.
     geoms = tuple(body.iter("geom"))
     if not geoms or body.getroottree().getroot() is not found.root:
         found.ignored.append(body)
@@ -364,6 +370,7 @@ def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str
 
     The name is set in the tree, so that compiled models have it.
     """
+    # The name is that of the geom, of its mesh, or of its shape, with a number if it is taken.
     shape = found.defaults.attribute(geom, "type") or "sphere"
     stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
     taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
@@ -382,6 +389,7 @@ def _is_there(part: Brought, found: Roles) -> bool:
 
 def _holds_robot(part: Brought, model: _Model) -> bool:
     """Test if an attached part, or content that it attaches, has the root of a robot."""
+    # Depth-first search through attached content, each part once.
     pending, seen = [(part, model)], list[Brought]()
     while pending:
         part, model = pending.pop()
@@ -399,6 +407,7 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
     """Test if one element of a body becomes several parts of the scene."""
     if body.find(".//replicate") is not None:
         return True
+    # Attached content that repeats or overlaps is a copy.
     pending = [(part, model) for part in model.brings(body)]
     seen: list[Brought] = []
     while pending:

@@ -44,6 +44,7 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
     size = np.array(model.geom_size[geom])
     data = int(model.geom_dataid[geom])
     if kind in _TRIANGULATED:
+        # Meshes: their vertices, or the extreme ones of many.
         points = mesh_vertices(model, data)
         if len(points) <= len(_directions()):
             return points
@@ -79,6 +80,7 @@ def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
 
 def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
     """Return the edges (m, 2) along and between `rings` polygons of consecutive points."""
+    # Edges to the next corner of a ring, and to the same corner of the next ring.
     index = np.arange(rings * corners).reshape(rings, corners)
     along = np.column_stack([index.ravel(), np.roll(index, -1, axis=1).ravel()])
     return np.concatenate([along, np.column_stack([index[:-1].ravel(), index[1:].ravel()])])
@@ -86,6 +88,7 @@ def _ring_edges(rings: int, corners: int) -> NDArray[np.intp]:
 
 def _ball_edges() -> NDArray[np.intp]:
     """Return the edges (m, 2) of the points of `_directions`: rings from south to north, then the poles."""
+    # The poles follow the rings; each is connected to the ring next to it.
     north = _LATITUDES * _LONGITUDES
     south = north + 1
     lowest, highest = np.arange(_LONGITUDES), np.arange(north - _LONGITUDES, north)
@@ -129,11 +132,13 @@ def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
 
 
 def _corners(half: Array) -> Array:
+    # All combinations of signs of the half extents.
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).T.reshape(-1, 3)
     return signs * half
 
 
 def _cylinder(size: Array) -> Array:
+    # One circle, at the bottom and at the top.
     angle = np.arange(_CIRCLE) * 2 * np.pi / _CIRCLE
     ring = np.column_stack([np.cos(angle), np.sin(angle)]) * size[0]
     return np.concatenate(
@@ -246,6 +251,7 @@ class Shapes:
                 twin.attrib.pop("mass", None)
                 twin.set("density", repr(density))
                 masses.append(float(compile_model(compile_spec(self.tree)).body_mass[body]))
+            # Restore the attributes of the geom.
             twin.attrib.clear()
             twin.attrib.update(stated)
             lighter, heavier = masses
@@ -273,6 +279,7 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     Raises:
         InputError: MuJoCo does not accept the scene, or one of its numbers is not finite.
     """
+    # Compile a copy whose geoms all have names.
     tree = model_tree(document, roles, edits, is_drawn=False)
     names = _name_geoms(tree, roles)
     model = compile_model(compile_spec(tree))
@@ -286,6 +293,7 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     )
     if not all(np.isfinite(array).all() for array in numbers):
         raise InputError("the scene has a number that is not finite (nan or inf)")
+    # Look up the geoms of the document in the model.
     ids: dict[Element, int] = {}
     for geom, name in names.items():
         i = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_GEOM, name)
@@ -324,6 +332,7 @@ RESTING = 0.02
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
     """Compute centre and size (3,), m, of the box around world points (k, 3), in the frame `pose`."""
+    # Express the points in the frame, and take their extremes.
     local = (cloud - pose.position) @ pose.rotation
     low, high = local.min(axis=0), local.max(axis=0)
     return (low + high) / 2, high - low

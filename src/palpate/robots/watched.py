@@ -148,7 +148,7 @@ class SignalWatch:
     """All plausibility checks of a robot's signals, each alone and against the robot's description.
 
     Attributes:
-        fault: the first fault; it stays, whatever the robot reports later.
+        fault: the first fault; later reports of the robot do not clear it.
     """
 
     def __init__(self, limits: Limits, arm: RobotDescription, sound: bool = False) -> None:

@@ -156,6 +156,7 @@ def read(file: IO[bytes]) -> Trace:
             raise
     if not parts:
         raise ValueError("it holds no record of a trace")
+    # Join the parts; take hand and gravity from the first record.
     hand = parts[0].hand
     return Trace(
         Samples.concatenate(blocks) if is_stream else samples_of(by_topic, hand),
@@ -223,6 +224,7 @@ class TraceStream:
             self._add(self._blocks, self._written, rows.tobytes())
         # Only events that are new since the last block.
         if self._recorded is not None:
+            # Lists only grow, so their lengths mark the written part.
             new, (a, b, c) = self._recorded, self._seen
             self._seen = (len(new.leaves), len(new.recordings), len(new.conversions))
             if self._seen != (a, b, c):
@@ -259,6 +261,7 @@ def samples_in_block(data: bytes) -> Samples:
     Raises:
         ValueError: the block does not consist of whole rows.
     """
+    # Split the columns of the block into signals.
     names = [signal.name for signal in fields(Samples)]
     ends = np.cumsum([len(COLUMNS.get(name, "1")) for name in names])
     parts = np.split(np.frombuffer(data).reshape(-1, ends[-1]), ends[:-1], axis=1)
@@ -269,7 +272,7 @@ def samples_in_block(data: bytes) -> Samples:
 def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
     """Iterate over the records of a file in order, with chunks unpacked and bounded memory.
 
-    Neither a record nor a chunk is unpacked beyond its bound, whatever size the file claims. With
+    Neither a record nor a chunk is unpacked beyond its bound, regardless of the size that the file claims. With
     `finished`, the checksums of a complete file are verified.
 
     Raises:
@@ -288,6 +291,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
         if not isinstance(record, Chunk):
             yield record
             continue
+        # Unpack within the bounds, and iterate over the records inside.
         data = unpack_chunk(record, min(MAX_CHUNK, left))
         left -= len(data)
         yield from breakup_chunk(replace(record, compression="", data=data), validate_crc=finished)
@@ -301,6 +305,7 @@ def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, M
     """
     from mcap.records import Channel, Message, Schema
 
+    # Schemas and channels precede the messages that refer to them.
     schemas: dict[int, Schema] = {}
     channels: dict[int, Channel] = {}
     for record in records(file):
@@ -340,6 +345,7 @@ def unpacked_zstd(data: bytes, most: int) -> bytes:
     """Unpack at most `most` bytes."""
     import zstandard
 
+    # A bounded window limits the memory of the decompressor.
     unpacker = zstandard.ZstdDecompressor(max_window_size=MAX_CHUNK)
     with unpacker.stream_reader(data) as stream:
         return stream.read(most)

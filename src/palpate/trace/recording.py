@@ -63,6 +63,7 @@ class Context:
     @property
     def place_of(self) -> str | None:
         """Object whose grasp pose the hand was at or above; None if there is none."""
+        # Remove the ending of a grasp pose from its name.
         name = pose_name(self.at or "")
         for ending in GRASPS:
             if name.endswith(ending):

@@ -82,6 +82,7 @@ class Samples:
     @classmethod
     def concatenate(cls, parts: Iterable[Samples]) -> Samples:
         """Join the rows of `parts`, in order."""
+        # Join every signal of the parts that have rows.
         parts = [part for part in parts if len(part)]
         if not parts:
             return cls.empty()
@@ -125,6 +126,7 @@ class Trace:
 
     def columns(self) -> dict[str, Array]:
         """Return the columns of the samples by name, e.g. `t`, `q3`, `wrench_fz`, each (n,)."""
+        # A signal with several components has one column for each.
         found: dict[str, Array] = {}
         for signal in fields(self.samples):
             values: Array = getattr(self.samples, signal.name)
@@ -171,6 +173,7 @@ class Trace:
         def outside(recording: Recording) -> bool:
             return recording.end < start or recording.start > end
 
+        # Rows before and after the gap, and recordings outside of it.
         t = self.samples.t
         return replace(
             self,
@@ -212,7 +215,7 @@ T = TypeVar("T")
 
 
 def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]:
-    """Cache the results of `find` as long as its first argument lives: samples, a trace or similar.
+    """Cache the results of `find` during the lifetime of its first argument: samples, a trace or similar.
 
     A result must not refer to that argument, which would then live for ever. The other arguments are
     hashable. A cached array is shared by all callers and therefore read-only.
@@ -221,6 +224,7 @@ def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]
 
     @wraps(find)
     def compute_once(of: K, *args: P.args, **named: P.kwargs) -> T:
+        # Results are kept per first argument, by the other arguments.
         results = known.setdefault(of, {})
         key = (args, *sorted(named.items()))
         if key not in results:
@@ -336,6 +340,7 @@ def reach(of: Recorded, name: str) -> tuple[float, float] | None:
     The evidence covers `AROUND` the time in which the object was in the hand, and the adjacent recordings
     of the empty hand. None if the object was never in the hand: any part may be evidence then.
     """
+    # Leaves with the object in the hand, and recordings for its quantities.
     held = [leaf for leaf in of.leaves if leaf.context is not None and leaf.context.holding == name]
     if not held:
         return None
@@ -349,6 +354,7 @@ def reach(of: Recorded, name: str) -> tuple[float, float] | None:
             empty = [*empty, recording] if holding in (None, name) else []
             if holding == name:
                 used, empty = [*used, *empty], []
+    # The span of all evidence, with a margin on both sides.
     first = min(one.start for one in (*held, *used))
     return first - AROUND, max(one.end for one in (*held, *used)) + AROUND
 
@@ -360,6 +366,7 @@ def trace_around(trace: Trace, name: str) -> Trace:
     """Return the part of a trace that is evidence of the object `name`. Parts are cached, the whole trace is
     not.
     """
+    # The whole trace if the evidence covers it.
     reached = reach(trace, name)
     if reached is None or not len(trace.t):
         return trace

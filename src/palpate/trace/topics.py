@@ -56,6 +56,7 @@ def definition(datatype: str) -> str:
     """Return the full text of `package/Type` for an MCAP schema: its fields, then those of all its component
     types.
     """
+    # Own fields first, then the definitions of the component types.
     parts = [DEFINITIONS[datatype]]
     parts += [f"MSG: {name}\n{DEFINITIONS[name]}" for name in dependencies(datatype)]
     # ros2msg concatenates definitions with a line of 80 equals signs.
@@ -170,6 +171,7 @@ class Layout:
         return np.dtype({"names": names, "formats": formats, "offsets": offsets, "itemsize": size})
 
     def _field(self, name: str, kind: str, length: int) -> Layout:
+        # Align, and reserve zero bytes for the field.
         size = np.dtype(kind).itemsize
         self._align(size)
         self.fields.append(Field(name, len(self.constant), kind, length))
@@ -206,6 +208,7 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
     """Return datatype and layout of each topic with one message per sample; joints have the names of
     `hand`.
     """
+    # Poses of the TCP: measured and commanded.
     joint_states = "sensor_msgs/JointState"
     pose = header(WORLD).doubles("position", 3).doubles("orientation", 4)
     target = header(WORLD).doubles("target_position", 3).doubles("target_orientation", 4)
@@ -234,6 +237,7 @@ def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
     """Convert a trace to messages in order of time; at equal times `shown` comes first, then samples, then
     events.
     """
+    # One message per sample and topic, then the events.
     everything = [*shown]
     signals, times = signals_of(trace.samples), nanoseconds(trace.samples.t).tolist()
     for name, (datatype, layout) in topics(trace.hand).items():
@@ -318,6 +322,7 @@ def events(trace: Trace) -> list[Message]:
     """Make the messages at begin and end of leaves and recordings, and of conversions."""
     found: list[Message] = []
     for leaf in trace.leaves:
+        # A leaf has a message at its start, one at its end, and a log entry.
         about = {"node": leaf.node, "primitive": leaf.primitive, "label": leaf.label}
         ended = {**about, "event": leaf.status, "message": leaf.message}
         found.append(text(leaf.start, "/step", leaf.label))
@@ -325,6 +330,7 @@ def events(trace: Trace) -> list[Message]:
         found.append(json_text(leaf.end, "/leaves", ended))
         found.append(log_entry(leaf))
     for recording in trace.recordings:
+        # A recording has a message at its start and one at its end.
         content = asdict(recording)
         found.append(json_text(recording.start, "/recordings", {"event": "start", **content}))
         found.append(json_text(recording.end, "/recordings", {"event": "end", **content}))
@@ -345,6 +351,7 @@ def json_text(t: float, topic: str, content: dict[str, Any]) -> Message:
 
 def log_entry(leaf: LeafRun) -> Message:
     """Make the `rcl_interfaces/Log` of a leaf's end: stamp, level, name, text, and no source location."""
+    # Text of the log entry: label, status and message.
     content = ", ".join(filter(None, (f"{leaf.label}: {leaf.status}", leaf.message)))
     stamp = divmod(nanosecond(leaf.end), 1_000_000_000)
     layout = Layout().uint32(*stamp).uint8(LEVELS[leaf.status])

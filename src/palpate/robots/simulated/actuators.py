@@ -248,7 +248,7 @@ def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
 def round_fingers(robot: mujoco.MjSpec, hand: ParallelHand) -> None:
     """Round the edges of the fingers' colliding boxes, within the same outlines.
 
-    A box that is smaller by the radius, with the radius as its margin, is the Minkowski sum with a ball.
+    A box that is smaller by the radius, with a margin of the radius, is the Minkowski sum with a ball.
     Contacts then stay within the margin, which avoids a defect of the collision detection. Where an edge enters
     a cylinder, normals are off by up to 90 degrees (MuJoCo 4.0.0 with several contacts a pair, fixed by its
     commit bbb71a28). A can between the edges of the pads would be squeezed out against all friction.

@@ -30,7 +30,7 @@ _FADE: Array = _KEPT ** np.arange(1.0, MOST + 1)[:, None]
 
 
 class Followed(NamedTuple):
-    """Motion of the robot over n log periods, as its encoders report it, without their noise."""
+    """Motion of the robot over n log periods, reported by the encoders without noise."""
 
     mean: Array  # (n, 21) joint angles, rad, the TCP's pose, and gravity torques, N m
     dq: Array  # (n, 7) rad/s
@@ -178,7 +178,7 @@ class Readout:
         return samples
 
     def follow(self, steps: Steps, gains: SpringGains, swivel: Swivel, target: Array) -> None:
-        """Follow a run of steps: compute the arm's motion as its encoders report it.
+        """Follow a run of steps: compute the arm's motion from the encoders.
 
         `swivel` damps the null space; `target` (n, 7) has the commanded poses of the TCP.
         """

@@ -76,7 +76,8 @@ class MujocoRobot(Commanded):
             gravity: (3,) m/s^2, stated gravity; the world's, by default. A value measured with the
                 arm has precedence.
             visit: number of the robot's run, which seeds all errors that differ from run to run.
-            substeps: physics steps in a control cycle of 1 ms while anything touches, or moves beside the arm.
+            substeps: physics steps in a control cycle of 1 ms while anything touches, or moves apart from the
+                arm.
             q: (7,) rad, where the arm begins; home by default.
 
         Raises:

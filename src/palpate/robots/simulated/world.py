@@ -59,7 +59,7 @@ class Steps(NamedTuple):
     """Record of the robot over some blocks of control cycles."""
 
     q: Array  # (n, 7) rad at the end of each block
-    dq: Array  # (n, 7) rad/s, likewise
+    dq: Array  # (n, 7) rad/s at the end of each block
     torque: Array  # (n, 7) N m, mean commanded joint torques, at the beginning of each physics step
     push: Array  # (n, 3) N, mean force of the hand on the objects it touches, world axes
     fingers: Array  # (n, 2) m at the end of each block

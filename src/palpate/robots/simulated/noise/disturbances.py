@@ -74,7 +74,7 @@ class BaseVibration:
         self._period, self._t = period, 0.0
 
     def add(self, torque: Array) -> None:
-        """Add the vibration to the link-side torques (n, 7), N m, nearly all of which are weight."""
+        """Add the vibration to the link-side torques (n, 7), N m, which are nearly all weight."""
         times = self._t + self._period * (np.arange(len(torque)) + 0.5)
         self._t += len(torque) * self._period
         acceleration = self._size * np.sin(self._omega * times + self._phase)
