@@ -215,6 +215,7 @@ def repair_json(text: str) -> str:
         return text
 
     def replace_match(match: re.Match[str]) -> str:
+        # Strings are kept; only other tokens are removed or translated.
         token = match[0]
         if token[0] == "'":
             token = to_double_quotes(token)
@@ -241,6 +242,7 @@ class _SceneObject(BaseModel):
 
     @model_validator(mode="after")
     def _is_a_box(self) -> _SceneObject:
+        # Fractions of the picture's width and height.
         left, top, right, bottom = self.bbox
         if not (0 <= left < right <= 1 and 0 <= top < bottom <= 1):
             raise ValueError("bbox must be [left, top, right, bottom] with fractions from 0 to 1")
@@ -264,6 +266,7 @@ def scene_objects(value: object) -> tuple[SceneObject, ...]:
             # Keys are redacted before any text is stored.
             read = _SceneObject.model_validate(redact_document(item))
         except ValidationError as error:
+            # Report the first error alone, with its path.
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"]) or "object"
             raise InputError(f"scene[{i}]: {place}: {first['msg'][:200]}") from None

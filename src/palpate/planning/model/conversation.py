@@ -134,6 +134,7 @@ class Conversation:
         # An answer counts as right at first only if a later question did not change the plan.
         questioned = next((i for i, r in enumerate(rounds, start=1) if r.question), len(rounds))
         revised = any(r.changed for r in rounds[questioned : questioned + 1])
+        # Totals over all rounds; the critic has separate fields below.
         figures: dict[str, Any] = {
             "asked": self.planner,
             "reported": rounds[-1].answer.model if rounds else "",
@@ -176,6 +177,7 @@ class Conversation:
         try:
             return TypeAdapter(cls).validate_json(text)
         except ValidationError as error:
+            # Report the first error alone, with its path.
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"]) or "it"
             raise InputError(

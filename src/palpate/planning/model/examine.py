@@ -71,6 +71,7 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
         models = ()
     else:
         yield listed_models(provider, model, models)
+    # Only a named model can be asked.
     if model:
         yield from asked_model(Endpoint(provider, model, address), seconds)
 
@@ -95,6 +96,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     """
 
     def ask(question: str, *pictures: Picture) -> tuple[str, Answer]:
+        # Each question is a separate dialogue without a system prompt.
         session = ModelSession(endpoint, "", pictures, None, Budget(seconds=seconds))
         answer = session.ask(question)
         return " ".join(answer.text.split())[:60], answer
@@ -155,6 +157,7 @@ def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, 
         raise Unavailable(f"pip install 'palpate[{provider.extra}]'") from None
     # OpenAI and Anthropic list under "data" by id, Google under "models" by name.
     entries: object = document.get("data") or document.get("models") or []
+    # A list of another form means another kind of server.
     if not isinstance(entries, list):
         raise Unavailable(f"{url} sends no list of models; check the base URL")
     names: list[str] = []

@@ -211,6 +211,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
     Raises:
         InputError: a tree written as text is nested too deep, or has a duplicate field.
     """
+    # Field names first, then parameters, outcome and tree.
     found = lower_keys(document)
     if "nodes" not in found:
         rename(found, "tree", TREE)
@@ -270,6 +271,7 @@ def normalized_parameters(value: object) -> object:
 
 def normalized_parameter(item: object) -> object:
     """Return a parameter as an object; `"cup.mass"` is split and a unit removed."""
+    # The short form `object.quantity`.
     if isinstance(item, str) and item.count(".") == 1:
         body, quantity = item.split(".")
         item = {"object": body.strip(), "quantity": quantity.strip()}
@@ -283,6 +285,7 @@ def normalized_parameter(item: object) -> object:
 
 def without_unit(quantity: str) -> str:
     """Return `mass` for `mass kg` or `mass [kg]`, as listed in the prompt; other text unchanged."""
+    # Remove the text after the id only if it is exactly the quantity's unit.
     id, _, unit = quantity.partition(" ")
     known = catalogue().get(id)
     return id if known is not None and unit.strip(" []()") == known.unit else quantity
@@ -321,6 +324,7 @@ def normalized_tree(value: object) -> object:
         node["children"] = [normalized_tree(each) for each in cast("list[object]", children)]
         if plain(node.get("type")) in _ROOTS and len(node["children"]) == 1:
             return node["children"][0]
+    # Ids belong to the flat form and have no meaning in a tree.
     if "id" not in fields_of(node.get("type")):
         node.pop("id", None)  # of the flat form, which has no meaning here
     return node
@@ -342,11 +346,13 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
             if not inner.keys() & node.keys():
                 del node[box]
                 node |= inner
+    # Declared spelling of the type; the remaining steps depend on it.
     node["type"] = types().get(plain(node.get("type")), node.get("type"))
     if node["type"] is None:
         del node["type"]
     own = fields_of(node.get("type"))
     rename(node, "children", [name for name in CHILDREN if name not in own])
+    # Optional fields may be null; they are dropped.
     for optional in ("name", "children"):
         if node.get(optional, "") is None:
             del node[optional]
@@ -379,6 +385,7 @@ def is_flat(nodes: Sequence[object]) -> bool:
     """True for nodes with ids whose children are not nodes."""
     fields = [lower_keys(cast("dict[str, Any]", node)) for node in nodes if isinstance(node, dict)]
     children = [child for node in fields for child in children_of(node)]
+    # A flat list has ids and refers to children by them.
     named = any("id" in node for node in fields)
     return named and not any(isinstance(child, dict) for child in children)
 
@@ -403,6 +410,7 @@ def arguments(name: str) -> Mapping[str, Mapping[str, str]]:
     """Return the arguments of a primitive, each with its choices by lower-case name."""
     found: dict[str, dict[str, str]] = {}
     for field, schema in vocabulary().primitives[name].model_json_schema()["properties"].items():
+        # Choices are enumerations in any branch of the schema.
         forms = schema.get("anyOf", [schema])
         choices = [value for form in forms for value in form.get("enum", ())]
         found[field] = {str(choice).lower(): choice for choice in choices}

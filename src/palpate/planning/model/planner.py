@@ -117,6 +117,7 @@ class VlmPlanner:
         return replace(plan, planner=conversation.planner, notes=notes)
 
     def _prompt(self, request: str, scene: Scene | None, images: Sequence[Path]) -> Prompt:
+        # Without a scene, the poses come from the builder of detected objects.
         symbols = None
         if scene is None:
             if self.builder is None or not images:
@@ -152,6 +153,7 @@ class VlmPlanner:
         request, the model decides on the parameters.
         """
         try:
+            # An unreadable answer is a finding, so the model can correct it.
             proposal = read_answer(text)
             return proposal.plan, self._findings(proposal, scene, request)
         except InputError as error:
@@ -165,6 +167,7 @@ class VlmPlanner:
         if plan.tree is not None:
             if scene is None:
                 scene = self._detect(proposal.scene)
+            # Without a request, or with exact parameters, the set is fixed.
             reads_request = "text" not in self.model_settings.without
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested_parameters(None, scene, self.remeasure, self.measure)
@@ -196,6 +199,7 @@ class VlmPlanner:
         named = ", ".join(str(parameter) for parameter in lacking)
         unknown, known = "D leaves it open", "it is to be measured though D states it"
         state = known if set(lacking) <= set(split_known(lacking, scene, False)[0]) else unknown
+        # A plan with a tree lacks some parameters; one without a tree lacks all.
         if plan.tree is not None:
             return (
                 f"R can be read as asking for {named}, too, which Φ lacks; {state}. Does R ask for it? If so, add "

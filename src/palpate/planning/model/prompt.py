@@ -98,7 +98,7 @@ HEAD = (
 
 def named_poses(symbols: Symbols) -> str:
     """Lines of all named poses, joint configurations, offsets, and objects that cannot be grasped."""
-    # Hand geometry for clearances, then payload and workspace.
+    # Poses, patterns, configurations, offsets, and reasons for objects without a grasp.
     lines = [f"{name}: {position_and_yaw(pose)}" for name, pose in symbols.poses.items()]
     lines += _patterns(symbols)
     lines += [f"{name}: joint configuration" for name in symbols.configurations]
@@ -113,6 +113,7 @@ def position_and_yaw(pose: Pose) -> str:
     x, y, z = (f"{value + 0.0:.3f}" for value in pose.position.round(3))
     if not points_down(pose):
         return f"{x} {y} {z}, fingers level, along {_vector(pose.rotation[:, 2])}"
+    # Yaw: angle of the gripper's x axis in the horizontal plane.
     direction = degrees(atan2(pose.rotation[1, 0], pose.rotation[0, 0]))
     return f"{x} {y} {z}, {round(direction)}"
 
@@ -121,6 +122,7 @@ def _patterns(symbols: Symbols) -> Iterator[str]:
     """Yield a line for each kind of pose, with its objects."""
     objects = list(symbols.own_offsets)
     for kind, meaning in KINDS.items():
+        # Objects whose pose of this kind is usable and not listed explicitly.
         having = [
             name
             for name in objects
@@ -137,6 +139,7 @@ def _offsets(symbols: Symbols) -> Iterator[str]:
     groups: dict[str, list[str]] = {}
     for name in symbols.own_offsets:
         groups.setdefault(_vectors(symbols, f"{name}_pose"), []).append(name)
+    # Places and surfaces have the offsets of the world or of their body.
     places = [
         name for name in symbols.poses if symbols.subjects.get(name) not in symbols.own_offsets
     ]
@@ -148,6 +151,7 @@ def _offsets(symbols: Symbols) -> Iterator[str]:
 
 def _vectors(symbols: Symbols, pose: str) -> str:
     """Offsets at a pose, along the world axes."""
+    # Offsets of the object first, then general ones; each as a world vector at this pose.
     own = symbols.own_offsets.get(symbols.subjects.get(pose, ""), {})
     return ", ".join(
         f"{name} {_vector(symbols.shift(pose, symbols.poses[pose], symbols.offset(name, pose)))}"
@@ -250,12 +254,14 @@ def compose(
         parts += [f"# Request R\n{asked}", scene_section(scene, comments)]
         if remeasure and request.strip():
             parts.append(REMEASURE)
+    # A scene brings its own poses and robot.
     if scene is not None:
         symbols, arm = scene.symbols, scene.arm
     if arm is not None and "metadata" not in removed:
         parts.append(robot_section(arm, scene.pose_world_base if scene is not None else None))
     if symbols and "metadata" not in removed:
         parts.append(f"{HEAD}\n{fence(named_poses(symbols))}")
+    # Pictures come last and are attached, not embedded.
     pictures = () if "image" in removed else tuple(images)
     if pictures:
         views = "the workspace now"
@@ -321,6 +327,7 @@ def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
 
 def _module(file: str, style: Style) -> str:
     """Text of a module's file, with marks; a style may have its own file."""
+    # A file in the folder of the style replaces the common one.
     folder = resources.files("palpate.planning.model").joinpath("prompts")
     own = folder.joinpath(style, file)
     return (own if own.is_file() else folder.joinpath(file)).read_text(encoding="utf-8")
@@ -359,6 +366,7 @@ def descriptions(vocabulary: Vocabulary, style: Style) -> dict[str, str]:
 def primitive_entry(primitive: type[Primitive], style: Style) -> str:
     """Line of a primitive: signature, docstring, buffer and arguments."""
     fields = primitive.model_fields
+    # The lean style has the capability alone, without the method.
     said = primitive.summary() if style == "full" else primitive.capability()
     entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
     if primitive.reads and primitive.reads not in said:
@@ -379,6 +387,7 @@ _SUBJECTS = {
 
 def quantity_head(quantity: Quantity) -> str:
     """Name, unit and subject of a quantity."""
+    # Dimensionless quantities have no unit.
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
     kind = "" if quantity.identifiable else ", not measurable"
     subject = _SUBJECTS.get(quantity.subject, f"a {quantity.subject}")
@@ -393,6 +402,7 @@ def scene_section(scene: Scene | None, comments: bool) -> str:
             "the poses X_pose and X_temporary, a plane X has X_approach, and each has its own x_offset, y_offset and "
             "z_offset, the last one upwards."
         )
+    # A truncated scene could hide the missing parameter, so a long one is rejected.
     text = strip_rendering(scene.text, comments)
     if len(text) > LARGEST_DESCRIPTION:
         raise InputError(
@@ -412,6 +422,7 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
     beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
     low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
     within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
+    # Hand geometry for clearances, then payload and workspace.
     lines = [
         "# Robot",
         "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "

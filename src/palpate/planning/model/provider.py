@@ -62,10 +62,12 @@ class Provider:
             InputError: it is not an http or https address, or there is none.
         """
         url = base_url or os.environ.get(self.url_variable) or self.url
+        # An empty default means that the user must give an address.
         if url == "":
             raise InputError(
                 f"the planner '{self.name}' needs an address: give base_url=URL, or set {self.url_variable}"
             )
+        # A key is only sent to a complete http or https address.
         if url is not None and (
             urlsplit(url).scheme not in ("http", "https") or not urlsplit(url).hostname
         ):
@@ -228,6 +230,7 @@ async def _bound(response: httpx2.Response) -> None:
     declared = response.headers.get("content-length", "0")
     if declared.isdigit() and int(declared) > limit:
         raise ReplyTooLarge
+    # Count the received bytes while the SDK reads them.
     inner = response.stream
     assert isinstance(inner, httpx2.AsyncByteStream)
 
@@ -292,6 +295,7 @@ def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
         return "the provider cannot be reached; check the network and the base URL"
     if isinstance(error, e.ModelServerError | e.ModelUnavailableError):
         return f"the provider failed{status}"
+    # All other HTTP errors quote the provider's text, without keys.
     if not isinstance(error, e.ModelHTTPError):
         return NOT_THE_API
     return f"the request was refused{status}: {redact(' '.join(str(error.body).split()))[:200]}"

@@ -130,6 +130,7 @@ def converse(
 
     def once(message: str, before: Plan | None) -> tuple[Plan | None, Sequence[str]]:
         """Execute one round; return the plan, if any, and the findings on it."""
+        # Ask, check, and record the round with its difference from the previous plan.
         answer = ask(message)
         plan, findings = judge(answer.text)
         kept = tuple(finding[:MAX_FINDING] for finding in findings)
@@ -142,6 +143,7 @@ def converse(
     plan, findings = once(message, None)
     left = rounds
     while plan is None or findings:
+        # The budget and the number of rounds both end the dialogue.
         why = may_go_on(conversation)
         if left == 0:
             why = f"{rounds} round(s) of feedback were not enough"
@@ -180,12 +182,14 @@ def converse(
 
 def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     """Return the differences between two plans, one per line, at most `MAX_CHANGES`."""
+    # Compare parameters and nodes, one per line.
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
         tree = str(plan.tree or plan.outcome).splitlines()  # a node per line
         texts.append([*promised, *tree[:MAX_COMPARED]])
     old, new = texts
+    # Without context lines, the difference contains changes alone.
     compared = unified_diff(old, new, n=0, lineterm="")
     lines = [
         f"{line[0]} {line[1:].strip()}"
@@ -238,6 +242,7 @@ def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -
     """
 
     def ask(message: str) -> Answer:
+        # The recorded answers were not enough in this scene.
         if len(again.rounds) == len(kept.rounds):
             raise InputError(
                 "the recorded conversation ends before a valid plan: its answers do not pass the check "
@@ -259,6 +264,7 @@ def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -
 def rejection(conversation: Conversation, why: str) -> str:
     """Reason why a dialogue ended without a plan, with the last findings and text."""
     last = conversation.rounds[-1]
+    # Quote the last findings and the beginning of the last answer.
     words = " ".join(last.answer.text.split())[:200]
     findings = "; ".join(last.findings[:3]) or "no plan"
     return (

@@ -1,12 +1,12 @@
-"""Dialogue with a provider through pydantic-ai: messages, pictures, retries, deadlines, readable
-errors.
+"""Dialogue with a provider through pydantic-ai: messages, pictures, retries, deadlines, errors.
 
 Only pydantic-ai's request function is used, for these reasons:
 
 - Its `Agent` fences feedback and adds a note to the system prompt, which then differs from the
-recorded one. It ends at a refusal or a truncated answer instead of returning it to the model. - Its
-`UsageLimits` discard the answer that reaches a limit, even a valid plan. - Its retrying transport
-sees the status, not an exhausted quota. It does not repeat a truncated body.
+  recorded one. It ends at a refusal or a truncated answer instead of returning it to the model.
+- Its `UsageLimits` discard the answer that reaches a limit, even a valid plan.
+- Its retrying transport sees the status, not an exhausted quota. It does not repeat a truncated
+  body.
 """
 
 from __future__ import annotations
@@ -76,6 +76,7 @@ def picture(path: Path) -> Picture:
     Raises:
         InputError: not readable as a picture, or too large.
     """
+    # Encoding again removes metadata and bounds the size.
     pixels = load_image(path, LONGEST_SIDE)
     buffer = io.BytesIO()
     Image.fromarray(pixels).save(buffer, "JPEG", quality=JPEG_QUALITY)
@@ -155,6 +156,7 @@ class ModelSession:
         from pydantic_ai.models import ModelRequestParameters
         from pydantic_ai.output import OutputObjectDefinition
 
+        # Structured output needs the schema; without one the answer is prose.
         parameters = ModelRequestParameters()
         if self.schema is not None:
             wanted = OutputObjectDefinition(json_schema=self.schema, name="plan", strict=True)
@@ -187,6 +189,7 @@ class ModelSession:
         Raises:
             Unavailable: a retry is useless, or there is no time for it.
         """
+        # Give up after permanent errors and after the last retry.
         problem = reason(error, self.endpoint)
         if not may_pass(error):
             raise self._failure(problem) from None
@@ -197,6 +200,7 @@ class ModelSession:
         if error.retry_after is not None:
             wait = max(0.0, error.retry_after)
             problem += f" and asks to wait {wait:.0f} s"
+        # A wait beyond the deadline is useless.
         left = self.deadline - time.monotonic()
         if wait < left:
             return wait
@@ -211,6 +215,7 @@ def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
     """Return the answer in a provider's response, with its statistics."""
     from pydantic_ai.messages import TextPart
 
+    # Join the text parts; reasoning and tool parts are left out.
     usage = response.usage
     text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
     # A refusal has no text part; its text is in the details.

@@ -50,6 +50,7 @@ class Budget:
 
     def exhaustion_reason(self, conversation: Conversation) -> str | None:
         """Return the reason why no further message may be sent, or None."""
+        # Both limits apply to the whole dialogue, including the critic.
         if conversation.tokens >= self.tokens:
             return f"the budget of {self.tokens} tokens is used up"
         if (conversation.cost or 0.0) >= self.dollars:
@@ -104,6 +105,7 @@ class ModelSettings:
     @property
     def address(self) -> str | None:
         """`base_url` without user name, password and query, for files and reports."""
+        # User name, password and query may contain keys.
         url = urlsplit(self.base_url or "")
         host = url.netloc.rpartition("@")[2]
         return urlunsplit((url.scheme, host, url.path, "", "")) or None
@@ -114,6 +116,7 @@ class ModelSettings:
         Raises:
             InputError: no such style, module or provider.
         """
+        # Load the prompt module only if there is something to check.
         if self.prompt != "full" or self.without:
             from palpate.planning.model.prompt import checked_modules, checked_style
 

@@ -99,6 +99,7 @@ class DerivationChart:
             following: Ends = {}
             for at, before in so_far.items():
                 for end, after in self.derived(part, at).items():
+                    # Cartesian product of the meanings before and after.
                     both = {(*a, *b): None for a in before.meanings for b in after.meanings}
                     _add(following, end, CheapestReadings(before.cost + after.cost, both))
             so_far = following
@@ -177,6 +178,7 @@ def _alternatives(
 @cache
 def literals() -> frozenset[str]:
     """Return the literal words of the grammar."""
+    # Lower-case parts are literal words; others are symbols or classes.
     parts = [part for rules in grammar().values() for rule in rules for part in rule.parts]
     return frozenset(part for part in parts if part.islower() and not part.startswith("<"))
 
@@ -264,6 +266,7 @@ def _of(*parts: Part) -> tuple[Query, ...]:
 
 def _how_large(asked: NamedQuantity, *parts: Part) -> tuple[Query, ...]:
     """ "How high is the friction"; for a centre of mass, its third axis."""
+    # "How high" means the vertical component of a centre of mass.
     named = _quantities(parts)
     if asked.id == "height" and any(quantity.id == "com" for quantity in named):
         named = _quantities(("com_3d",))

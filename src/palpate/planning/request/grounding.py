@@ -6,11 +6,13 @@ A reading is *sure* if every word of every sentence belongs to a clause of the g
 the user confirms it. Otherwise the request is rejected. A request with two readings for different
 parameters is rejected too.
 
-1. Words: phrases of other languages are translated in place (`languages`), misspelt words are
-corrected (`tokens`). 2. Lattice: the classes of each word (`lattice`): noun of the scene, quantity,
-relation, … 3. Cover of each sentence by the cheapest clauses (`grammar`, `cover`). 4. Queries
-(`query`): a quantity of selected bodies, wanted or excluded, clause by clause (`reading`). 5.
-Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
+1. Words: phrases of other languages are translated in place, misspelt words are corrected
+   (`words`).
+2. Lattice: the classes of each word (`sentence`): noun of the scene, quantity, relation, …
+3. Cover of each sentence by the cheapest clauses (`grammar`, `sentence`).
+4. Queries (`query`): a quantity of selected bodies, wanted or excluded, clause by clause
+   (`reading`).
+5. Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
 
 A quantity without a body applies to the last mentioned body that can have it ("The bottle is new. I
 need its mass."), else to all bodies that miss it. A comparison requests the quantity of everything
@@ -97,6 +99,7 @@ def ground(request: str, scene: Scene) -> Grounded:
 
 def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -> list[Sentence]:
     """Cover each sentence by clauses."""
+    # Pair each sentence with its original text, if the counts agree.
     own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
     own = own if len(own) == len(parts) else [request] * len(parts)
     longest = max(map(len, parts), default=0)
@@ -190,6 +193,7 @@ def _propose(
         for act, clause in next(cover.readings()):
             reading.selection.unsure = False  # the user confirms what a pronoun is taken for
             try:
+                # A leftover word next to a clause could change its bodies.
                 if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):
                     raise PlanRejected("the words left over may make it another")
                 reading.take(act)
@@ -205,6 +209,7 @@ def _asks_otherwise(words: Sequence[str], at: int) -> bool:
     """True for a word that leaves the wish open, or commands another action."""
     if not english().sets["open"].isdisjoint(lemmas(words[at])):
         return True
+    # A verb at the start of a clause is a command.
     commands = at == 0 or words[at - 1] in ("and", "then", ",", "you")
     return commands and words[at] in deeds()
 
@@ -218,6 +223,7 @@ def _is_part(words: Sequence[str], clause: Clause, left: set[int]) -> bool:
 
 def _runs(words: Sequence[str], places: Iterable[int]) -> list[str]:
     """Join words at successive positions."""
+    # Successive positions have equal differences to their index.
     runs: dict[int, list[str]] = {}
     for count, at in enumerate(sorted(places)):
         runs.setdefault(at - count, []).append(words[at].replace("§amount", "an amount"))

@@ -66,6 +66,7 @@ class Reading:
             InputError: it names an unknown body.
             PlanRejected: it requests no measurement, or is ambiguous.
         """
+        # Clauses change the parameters; mentions and asides only change the references.
         match act:
             case Say():
                 self._say(act)
@@ -116,6 +117,7 @@ class Reading:
         how = act.how
         # An inversion follows an exclusion: "we know all masses except that of the mug".
         self._turning = how == "turn" or (how == "about" and self._how in ("know", "skip"))
+        # "About" and "also" need an earlier statement, "turn" an exclusion.
         if (how == "about" and not self._how) or (how == "also" and self._how != "want"):
             raise PlanRejected("it is not clear what of it is wanted; say e.g. 'its mass'")
         if how == "turn" and self._how not in ("know", "skip"):
@@ -140,14 +142,17 @@ class Reading:
         return self._last
 
     def _want(self, query: Query) -> None:
+        # A query without quantity and body means everything, or everything for a purpose.
         if query == Query():
             self._lacking = True  # of what is simulated, or of everything
             return
         self._wanted = True
+        # An unmeasurable property is reported, not rejected.
         if query.quantity and not query.quantity.measurable:
             self.resolver.cannot.append(self.resolver.not_measurable(query.quantity))
             return
         objects = self._find_bodies(query)
+        # Without a body, take the last mentioned one that can have the quantity, else all.
         for quantity in self._quantities(query):
             if quantity is None:
                 self._miss(objects)
@@ -181,6 +186,7 @@ class Reading:
         before = len(self.selection.spoken)
         objects = self._find_bodies(query)
         self.selection.spared += objects
+        # Bodies excluded as a whole are no reference for "it".
         if query.quantity is None:
             del self.selection.spoken[before:]
         for quantity in self._quantities(query):
@@ -211,6 +217,7 @@ class Reading:
         """
         offered: list[Parameter] = []
         for verb, objects in self._purposes:
+            # An unknown purpose requests all missing parameters.
             ids = english().purposes.get(verb, ())
             if not ids:
                 self._miss(objects)

@@ -47,6 +47,7 @@ class Resolver:
             self.cannot.append(self.not_measurable(quantity))
             return []
         if not objects:
+            # Without objects, missing parameters have priority over known ones.
             missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
             return missing or [Parameter(name, id) for name in self._carriers(id)]
         names = [name for item in objects for name in self._chosen(item, id)]
@@ -60,6 +61,7 @@ class Resolver:
 
         For example, the height of a crate is part of its size.
         """
+        # Use the other quantity only if the objects have that one alone.
         elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else None
         if not elsewhere or self._any_carries(objects, id):
             return id
@@ -89,6 +91,7 @@ class Resolver:
         Raises:
             PlanRejected: a mention is ambiguous.
         """
+        # All quantities, or the one that the word refers to for these objects.
         ids = list(self.catalogue)
         if quantity is not None:
             ids = [id for id in ids if id == self._meant(quantity.id, objects)]
@@ -123,6 +126,7 @@ class Resolver:
         catalogue order.
         """
         scene = self.scene
+        # Sort by the position in the list of all possible parameters.
         names = [*scene.surfaces, *scene.objects, *scene.fixtures, GRIPPER]
         every = [Parameter(name, id) for name in names for id in self.catalogue]
         return sorted(dict.fromkeys(parameters), key=every.index)
@@ -165,6 +169,7 @@ class Resolver:
         Raises:
             PlanRejected: a singular mention has several such bodies.
         """
+        # Bodies that cannot have the quantity do not count as ambiguous.
         names = list(item.names)
         if id is not None:
             names = [name for name in names if self._carries(name, id)]
@@ -194,6 +199,7 @@ class Resolver:
 
     def not_measurable(self, quantity: NamedQuantity) -> str:
         """Message on a property that nothing measures."""
+        # A quantity of the catalogue states its own reason.
         reason, label = _NOT_SENSED, quantity.id
         if quantity.id in self.catalogue:
             reason, label = self.catalogue[quantity.id].how, self.catalogue[quantity.id].label

@@ -56,6 +56,7 @@ class Nouns:
 
     def apart(self, request: str) -> str:
         """Split the body names in a request into words: "cubeB_main" becomes "cube b main"."""
+        # Longest names first, because a short name may be part of a long one.
         for name in sorted(self.own, key=len, reverse=True):
             if len(self.own[name]) > 1:
                 words = " ".join(self.own[name])
@@ -110,6 +111,7 @@ class Nouns:
     def _may_head(self, name: str, noun: str) -> bool:
         # Ignore additions after a parenthesis or comma: "stapler (old)".
         headed = name_words(re.split(r"[(,]", name)[0]) or self.own[name]
+        # Suffixes without a meaning and colours are no head nouns.
         own = [word for word in headed if not is_further(word)]
         own = [word for word in own if word not in self.colours] or own
         said = set(singulars(noun))
@@ -131,9 +133,11 @@ class Nouns:
     def _said_of(self, body: Body) -> frozenset[str]:
         """Return every word that may describe a body: its name, appearance and kind."""
         own = self.own[body.name]
+        # Words of the name and of the role, then of the appearance.
         said = set(own) | _KINDS[body.role]
         for phrase in body.words:
             said.update(phrase.split())
+        # Classes of objects to which the name belongs: "mug" is a "vessel", for example.
         for kind, members in english().kinds.items():
             if any(_ends(word, member) for word in own for member in members):
                 said.add(kind)
@@ -242,6 +246,7 @@ class Selection:
                     yield from self.found(one)
 
     def _everything(self, others: bool) -> Item:
+        # "The others" excludes all bodies mentioned or excluded before.
         names = tuple(self.scene.bodies)
         if others:
             self.require_sure()
@@ -255,6 +260,7 @@ class Selection:
         names = (GRIPPER,) if GRIPPER in words else self.nouns.meant(words, plural=False)
         if not names:
             raise self._not_there(" ".join(words))
+        # A general noun such as "object" refers to the last mentioned body.
         if len(names) > 1 and len(words) == 1 and words[0] in OBJECT_NOUNS:
             names = self._last(names)
         remark = f"'{' '.join(words)}' is taken for {_quote_names(names)}."
@@ -270,6 +276,7 @@ class Selection:
         said, names = " ".join(kind.words), self.nouns.meant(kind.words, plural=True)
         if not names:
             raise self._not_there(said)
+        # A stated number must equal the number of bodies.
         if kind.count and len(names) != int(kind.count):
             raise PlanRejected(
                 f"the scene has {len(names)} of '{said}', not {kind.count}: {', '.join(names)}; name "
@@ -282,6 +289,7 @@ class Selection:
     def _one(self, words: tuple[str, ...]) -> Item:
         """Resolve "the red one": of the last mentioned kind, else any object."""
         for items in reversed(self.spoken):
+            # The noun is that of an earlier mention, latest first.
             said = (*words, items[-1].words[-1])
             names = self.nouns.meant(said, plural=True)
             if names:
@@ -294,6 +302,7 @@ class Selection:
     def _resolve_earlier(self, which: str) -> Items:
         """Return the bodies named before."""
         self.require_sure()
+        # Without an earlier mention, only "all" has a reference.
         if not self.spoken:
             if which == "all":
                 return (self._everything(others=False),)
@@ -324,6 +333,7 @@ class Selection:
 
     def _resolve_place(self, near: Near) -> Item:
         (item,) = self._items(near.base)
+        # The top of a surface is the surface; other tops are parts.
         if near.relation == "top":
             if self.scene.surfaces.keys().isdisjoint(item.names):
                 raise PlanRejected(f"the top of '{item.text}' is a part of it; name the whole")

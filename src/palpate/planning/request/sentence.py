@@ -87,6 +87,7 @@ class Lattice:
         """True for a sentence of facts without a request: "It is for a benchmark.", "Everything
         else is right.".
         """
+        # A question is a request, and very short sentences are ambiguous.
         if "?" in tokens or len(tokens) < SHORTEST:
             return False
         sets = english().sets
@@ -157,11 +158,13 @@ class Lattice:
         """Yield names of several words, joined or separate ("redbox", "red box"), and a single name
         split in two ("note book").
         """
+        # Names of several words, also written without spaces.
         for own in self.nouns.named:
             if len(own) > 1 and tokens[at] == "".join(own):
                 yield "OBJ", at + 1, (own,)
             elif len(own) > 1 and tuple(tokens[at : at + len(own)]) == own:
                 yield "OBJ", at + len(own), (own,)
+        # A name of one word, written as two.
         two = "".join(tokens[at : at + 2])
         if len(tokens) > at + 1 and (two,) in self.nouns.named:
             yield "OBJ", at + 2, ((two,),)
@@ -177,6 +180,7 @@ class Lattice:
                 yield "COLOUR", end, (tuple(run),)
             elif len(run) > 1 and not self.nouns.meant(tuple(run), plural=True):
                 run = [*run[1:], run[0]]  # adjectives behind their noun: "caja roja"
+            # A run that describes at least one body is a noun phrase, singular or plural.
             words, noun = tuple(run), run[-1]
             whole = words in self.nouns.named
             if self.nouns.meant(words, plural=True) and not (whole and len(run) > 1):
@@ -189,6 +193,7 @@ class Lattice:
 
     def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
         """Return the longest run that names an unknown body."""
+        # At most two nouns, of which one is unknown or which describe no body together.
         run: list[str] = []
         fits = True
         for token in tokens[at : at + 2]:
@@ -250,6 +255,7 @@ def _quantities() -> dict[Phrase, tuple[str, bool]]:
     """
     phrases: dict[Phrase, tuple[str, bool]] = {}
     for quantity in catalogue().values():
+        # Singular and plural forms of all English synonyms.
         for synonym in {*quantity.words.get("en", ()), quantity.id} - _NO_NOUNS:
             *others, last = synonym.split()
             phrases[*others, last] = quantity.id, False
@@ -356,6 +362,7 @@ class Sentence:
 
 def cover_sentence(words: Sequence[str], own: str, lattice: Lattice) -> Sentence:
     """Cover a sentence, written as `own`; a background sentence is set aside."""
+    # A background sentence about "the rest" is never a request.
     background = lattice.is_background(words)
     if background and not english().sets["remaining"].isdisjoint(words):
         return Sentence(own, words, ())
@@ -366,6 +373,7 @@ def cover_sentence(words: Sequence[str], own: str, lattice: Lattice) -> Sentence
 
 def _covers(sentence: Sequence[str], lattice: Lattice) -> list[Cover]:
     """Return the covers of minimum cost, by dynamic programming from the end of the sentence."""
+    # best[i] holds the cheapest covers of the words from position i on.
     chart = DerivationChart(ACTIONS, lattice.edges(sentence))
     best: list[list[Cover]] = [[Cover()]]
     for at in reversed(range(len(sentence))):

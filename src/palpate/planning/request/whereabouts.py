@@ -181,12 +181,14 @@ def _on(upper: Body, lower: Body) -> bool:
     if upper.name in lower.carries:
         return True
     x, y = _middle(upper)[:2]
+    # Bottom at the height of the top, and centre above the footprint.
     near = abs(upper.bottom_z() - lower.top_z()) < TOUCHING
     return upper is not lower and near and lower.covers(x, y)
 
 
 def _in(inner: Body, outer: Body) -> bool:
     """True if a body is inside another."""
+    # The centre lies between bottom and top, and above the footprint.
     x, y, z = _middle(inner)
     between = outer.bottom_z() < z < outer.top_z()
     return inner is not outer and between and outer.covers(x, y)

@@ -65,6 +65,7 @@ class English:
 def english() -> English:
     """Return the words of English requests."""
     said = _read("en")
+    # Classes without a meaning, then those whose meaning is the table's key.
     classes: dict[Phrase, list[tuple[str, tuple[str, ...]]]] = defaultdict(list)
     for kind, phrases in (*said["classes"].items(), ("FILL", said["frames"])):
         for phrase in _split_phrases(phrases):
@@ -158,6 +159,7 @@ def tokens(request: str) -> list[str]:
         text = re.sub(pattern, apart, text)
     # Amounts become one token before punctuation is split.
     text = _AMOUNT.sub(" §amount ", text)
+    # Split identifiers at underscores, hyphens and inner points.
     text = re.sub(r"[_\-]+", " ", text)
     text = re.sub(r"(\w\.\w+)(?=\s\w+\.\w)", r"\1 ,", text)  # "bottle.mass table.height"
     text = re.sub(r"\.(?=\S)|/", " ", text)
@@ -201,6 +203,7 @@ def is_within(word: str, name: str) -> bool:
     """
     if len(word) < 3 or word == name:
         return False
+    # The noun first with a meaningless suffix, or last in a compound.
     if name.startswith(word) and _FURTHER.fullmatch(name.removeprefix(word)):
         return True
     return name.endswith(word) and bool(_BEFORE.fullmatch(name.removesuffix(word)))
@@ -285,6 +288,7 @@ def spoken(request: str) -> str | None:
     words = _split_words(_plain(request))
     # English wins ties, because a language must exceed its count.
     best, most = None, sum(word in _english() for word in words)
+    # Count the known words in each language.
     for code in LANGUAGES:
         known = {word for phrase in _glossary(code) for word in phrase}
         count = sum(word in known for word in words)
@@ -356,6 +360,7 @@ def _base_form(
     if _bare(word) in names:
         return (_bare(word),)
     for stem in _stems(word, spoken):
+        # A plural of a name in a language without compounds gets the English plural.
         if stem in names:
             return (stem if spoken.compounds else stem + "s",)
         if (stem,) in glossary:
