@@ -2,9 +2,10 @@
 
     q_i(t) = c_i + Σ_k a_ik sin(k ω t) / (k ω) - b_ik cos(k ω t) / (k ω)
 
-(J. Swevers, C. Ganseman, D. Tükel, J. De Schutter and H. Van Brussel, Optimal robot excitation and identification,
-IEEE Trans. Robotics and Automation 13, 1997). It begins and ends at rest, at home. Of many random series the one is
-taken whose equations of the load are best conditioned once friction and offsets of the joints are allowed for.
+Source: J. Swevers, C. Ganseman, D. Tükel, J. De Schutter and H. Van Brussel, Optimal robot excitation and
+identification, IEEE Trans. Robotics and Automation 13, 1997. The motion begins and ends at rest, at home. Among many
+random series, the search takes that with the best conditioned load equations. The joints' friction and offsets are
+projected out of them.
 """
 
 from __future__ import annotations
@@ -21,24 +22,24 @@ from palpate.robots.description import RobotDescription
 from palpate.trace.samples import STANDARD_GRAVITY
 
 PERIOD = 12.0
-"""s of the base frequency."""
+"""s. Period of the base frequency."""
 HARMONICS = 5
 CYCLES = 3
 RATE = 100.0
-"""rows per second of the file."""
+"""Rows per second of the file."""
 LOOKED_AT = 150
-"""configurations of a period that are judged."""
+"""Number of configurations of a period that are checked."""
 TRIES, REFINED = 300, 300
 SPEED_SHARE, ACCELERATION = 0.35, 4.0
-"""Part of the joints' speed limits; rad/s²."""
+"""Fraction of the joints' speed limits; rad/s²."""
 SHARES = (1.0, 0.8, 0.6, 0.45, 0.3)
-"""Parts of the largest amplitude that are tried, until the hand keeps to its workspace."""
+"""Fractions of the largest amplitude that are tried until the hand stays in its workspace."""
 MARGIN = 0.12
-"""rad from the ends of the joints' ranges."""
+"""rad. Distance from the ends of the joint ranges."""
 ABOVE = 0.15
-"""m over the arm's base that the hand keeps."""
+"""m. Smallest height of the hand above the arm's base."""
 TYPICAL = np.array([1.0, *[0.05] * 3, *[5e-3] * 6])
-"""kg, kg m and kg m²: parameters of a typical load, in whose units the condition is stated."""
+"""kg, kg m and kg m². Parameters of a typical load; they scale the condition number."""
 
 
 HOW = """\
@@ -59,12 +60,12 @@ motion serves, in which all joints turn both ways; the inertia needs the fast on
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """Periodic motion, from home and back.
+    """Periodic motion that starts and ends at home.
 
     Attributes:
         home: (7,) rad.
         sines, cosines: (7, HARMONICS) rad/s.
-        condition: of the load's equations in units of `TYPICAL`.
+        condition: condition number of the load's equations in units of `TYPICAL`.
     """
 
     home: Array
@@ -73,7 +74,7 @@ class Excitation:
     condition: float
 
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
-        """(n, 7) rad, rad/s and rad/s² at times `t` (n,), s; of whole periods."""
+        """Angles, rates and accelerations (n, 7), rad, rad/s, rad/s², at times `t` (n,), s, of whole periods."""
         rate = 2.0 * np.pi / PERIOD * np.arange(1, HARMONICS + 1)
         sine, cosine = np.sin(np.outer(t, rate)), np.cos(np.outer(t, rate))
         q = sine @ (self.sines / rate).T + (1.0 - cosine) @ (self.cosines / rate).T
@@ -82,7 +83,7 @@ class Excitation:
         return self.home + q, dq, ddq
 
     def csv(self) -> str:
-        """Table of t, q and dq of `CYCLES` periods."""
+        """CSV table of t, q and dq over `CYCLES` periods."""
         t = np.arange(round(CYCLES * PERIOD * RATE) + 1) / RATE
         q, dq, _ = self.sample(t)
         names = [f"{kind}{joint}" for kind in ("q", "dq") for joint in range(1, 8)]
@@ -90,7 +91,7 @@ class Excitation:
         return "\n".join([",".join(["t", *names]), *rows, ""])
 
     def told(self, arm: str, file: str) -> str:
-        """Instructions for the recording, in words."""
+        """Instructions for the recording."""
         return HOW.format(
             file=file,
             arm=arm,
@@ -105,10 +106,10 @@ class Excitation:
 
 
 def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:
-    """Search for a well conditioned motion of `arm`; the same for the same seed.
+    """Search for a well conditioned motion of `arm`; the result depends on the seed alone.
 
     Raises:
-        InputError: no motion keeps the limits.
+        InputError: No tried motion keeps the limits.
     """
     random, search = np.random.default_rng(seed), _Search(arm)
     best: Excitation | None = None
@@ -117,7 +118,7 @@ def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:
         if count >= TRIES:
             if best is None:
                 break
-            # Smaller and smaller changes of the best one.
+            # Refine: smaller and smaller random changes of the best series.
             last = np.array([best.sines, best.cosines])
             shape = last + last.std() * 0.5 * (1.0 - (count - TRIES) / REFINED) * shape
         found = search.tried(shape)
@@ -132,7 +133,7 @@ def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:
 
 
 class _Search:
-    """Limits of an arm, and the judgement of motions."""
+    """Random search: limits of an arm and the evaluation of motions."""
 
     def __init__(self, arm: RobotDescription) -> None:
         self._arm, self._t = arm, np.arange(LOOKED_AT) * PERIOD / LOOKED_AT
@@ -142,11 +143,12 @@ class _Search:
         self._joints = [int(self._model.jnt_qposadr[self._model.joint(n).id]) for n in arm.joints]
 
     def tried(self, shape: Array) -> Excitation | None:
-        """Largest motion with `shape` (2, 7, HARMONICS); None where even a small one leaves the workspace."""
+        """Largest motion with `shape` (2, 7, HARMONICS); None if even a small one leaves the workspace."""
         k = np.arange(1, HARMONICS + 1)
-        # At rest, without acceleration, at t = 0: the sines' speeds and the cosines' accelerations add up to 0.
+        # Rest without acceleration at t = 0: the sines' speeds and the cosines' accelerations sum to 0.
         sines = shape[0] - shape[0].mean(axis=1, keepdims=True)
         cosines = shape[1] - np.outer(shape[1] @ k, k) / (k @ k)
+        # Largest amplitude of each joint within its range, speed and acceleration limits.
         limits, home = self._arm.limits, self._arm.home
         q, dq, ddq = Excitation(np.zeros(7), sines, cosines, 0.0).sample(self._t)
         room = [
@@ -156,6 +158,7 @@ class _Search:
             ACCELERATION / np.abs(ddq).max(axis=0),
         ]
         scale = np.min(room, axis=0)[:, None]
+        # Reduce the amplitude until the hand stays in its workspace.
         for share in SHARES:
             size = share * scale
             found = self._judge_motion(Excitation(home, sines * size, cosines * size, 0.0))
@@ -167,15 +170,17 @@ class _Search:
         q, dq, ddq = found.sample(self._t)
         chain = self._arm.nominal.chain
         assert chain is not None
+        # Workspace check along the whole period.
         tcp, _, _ = tool_kinematics(chain, q)
         limits = self._arm.limits
         low = np.maximum(limits.workspace_min, [-np.inf, -np.inf, ABOVE])
         if bool((tcp < low).any() or (tcp > limits.workspace_max).any()):
             return None
+        # Condition number of the load's equations, joint by joint.
         load = load_torques(chain, q, dq, ddq, np.array([0.0, 0.0, -STANDARD_GRAVITY]))
         left: list[Array] = []
         for joint in range(7):
-            # Offset, Coulomb's and viscous friction of the joint explain part of its torque.
+            # Project out offset, Coulomb and viscous friction of the joint.
             own = np.column_stack([np.ones(len(q)), np.sign(dq[:, joint]), dq[:, joint]])
             basis = np.linalg.qr(own)[0]
             seen = load[:, joint]
@@ -184,7 +189,7 @@ class _Search:
         return Excitation(found.home, found.sines, found.cosines, condition)
 
     def is_free(self, found: Excitation) -> bool:
-        """No shapes of the arm touch each other."""
+        """True if no parts of the arm touch each other in the motion."""
         for q in found.sample(self._t)[0]:
             self._data.qpos[self._joints] = q
             mujoco.mj_kinematics(self._model, self._data)

@@ -24,18 +24,18 @@ from palpate.trace.mcap import stored_messages, unpacked_zstd
 MAX_BAG_BYTES = 4_000_000_000
 MAX_MESSAGES = 4_000_000
 MAX_MESSAGE = 8 << 20
-"""Bytes of a message that is packed by itself."""
+"""Largest size, bytes, of a compressed message after unpacking."""
 MAX_DEPTH = 4
-"""Fields within fields of a message."""
+"""Largest nesting of fields in a message."""
 OF_JOINTS = re.compile(r"joint|state", re.IGNORECASE)
-"""Topics and types of messages that may hold joint signals."""
+"""Topics and types of messages that may contain joint signals."""
 PACKED = b"\x28\xb5\x2f\xfd"
-"""First bytes of what zstd packed."""
+"""Magic number of zstd data."""
 Decoder = Callable[[bytes], Any]
 
 
 class Raw(NamedTuple):
-    """Message as recorded: topic, type, time in ns, bytes; encoding, and the definition of its type."""
+    """Message as recorded: topic, type, time in ns, data; encoding, and definition of its type."""
 
     topic: str
     datatype: str
@@ -47,16 +47,17 @@ class Raw(NamedTuple):
 
 @dataclass
 class TopicMessages:
-    """Messages of one layout on a topic: their fields' names of joints, and rows of numbers."""
+    """Messages of one layout on a topic: joint names by field, and rows of numbers."""
 
     names: dict[str, list[str]]
     rows: list[dict[str, Any]] = field(default_factory=list[dict[str, Any]])
 
     def table(self) -> Table:
-        """Columns in the order of time, as a bag is in that of its arrival."""
+        """Columns in the order of time; a bag stores messages in the order of arrival."""
         table = {
             name: np.array([row[name] for row in self.rows], dtype=float) for name in self.rows[0]
         }
+        # Drop stamps that were not set, and use the bag's time without a header stamp.
         for name in [name for name in table if name.endswith("stamp_s")]:
             if (table[name] == 0.0).any():
                 del table[name]  # not set
@@ -65,6 +66,7 @@ class TopicMessages:
             table["bag_time_s"] = bag_time
         order = np.argsort(table.get("header.stamp_s", bag_time), kind="stable")
         table = {name: values[order] for name, values in table.items()}
+        # Split vectors into one column per joint.
         for name, joints in self.names.items():
             parts = table.pop(name).T
             table |= {f"{name}.{joint}": part for joint, part in zip(joints, parts, strict=True)}
@@ -72,11 +74,13 @@ class TopicMessages:
 
 
 def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], list[str]]:
-    """Read the joint signals of each topic, or of `columns.topic`: a table for each layout of its messages,
-    the longest first, and notes of what cannot be decoded.
+    """Read the joint signals of each topic, or of `columns.topic`.
+
+    Returns:
+        A table for each layout of a topic's messages, the longest first, and notes on undecodable messages.
 
     Raises:
-        InputError: no bag, damaged, or no topic of it has joint states.
+        InputError: The file is no bag, is damaged, or has no topic with joint states.
         Unavailable: `rosbags` is not installed.
     """
     try:
@@ -112,11 +116,11 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
 def _collect(
     messages: Iterator[Raw], wanted: str | None
 ) -> tuple[dict[Any, TopicMessages], dict[str, str], dict[str, tuple[int, str]]]:
-    """Decode the messages on the `wanted` topic, or all that may hold joint signals.
+    """Decode the messages on the `wanted` topic, or all that may contain joint signals.
 
     Returns:
-        Messages by topic and layout; types by topic; and by topic the number of messages that cannot be
-        decoded, with the first reason.
+        Messages by topic and layout; types by topic; and by topic the number of undecodable messages, with the
+        first reason.
     """
     parts: dict[Any, TopicMessages] = {}
     topics: dict[str, str] = {}
@@ -129,6 +133,7 @@ def _collect(
             continue
         if count > MAX_MESSAGES:
             raise ValueError(f"it has more than {MAX_MESSAGES} messages; cut it")
+        # Unpack and decode; a failure counts as lost and is reported once per topic.
         try:
             if raw.topic not in decoders:
                 decoders[raw.topic] = _refuse  # once, where the next line fails
@@ -140,6 +145,7 @@ def _collect(
             count_lost, reason = lost.get(raw.topic, (0, _reason(error)))
             lost[raw.topic] = count_lost + 1, reason
             continue
+        # Messages of the same fields and joints form one table; reorder joints to its first message.
         layout = tuple((name, frozenset(joints) or np.size(value)) for name, joints, value in found)
         names = {name: joints for name, joints, _ in found if joints}
         part = parts.setdefault((raw.topic, layout), TopicMessages(names))
@@ -160,10 +166,10 @@ def _refuse(_: bytes) -> Any:
 
 
 def _decoder(raw: Raw) -> Decoder:
-    """Make the decoder of a topic's messages.
+    """Build the decoder of a topic's messages.
 
     Raises:
-        ValueError: an encoding, or a definition of a type, that cannot be read; rosbags raises others.
+        ValueError: The encoding or a type definition cannot be read; rosbags raises other errors.
     """
     if raw.encoding == "json":
         return partial(json.loads, object_hook=lambda fields: SimpleNamespace(**fields))
@@ -173,7 +179,7 @@ def _decoder(raw: Raw) -> Decoder:
     if raw.encoding not in ("cdr", "ros1") or form not in ("ros2msg", "ros1msg", "ros2idl", ""):
         raise ValueError(f"unknown encoding '{raw.encoding}' ('{form}'), not cdr, ros1 or json")
     datatype = re.sub("^([^/]+)/([^/]+)$", r"\1/msg/\2", raw.datatype)
-    # Older databases hold no definitions of their types.
+    # Older databases contain no type definitions.
     store = typesys.get_typestore(typesys.Stores.EMPTY if form else typesys.Stores.LATEST)
     if form == "ros2idl":
         for text in filter(str.strip, re.split(r"={80}\nIDL: .*\n", definition)):
@@ -187,7 +193,7 @@ def _decoder(raw: Raw) -> Decoder:
 
 
 def _fields(message: Any) -> dict[str, Any] | None:
-    """Fields of a message, or their lists over a list of messages; None of other values."""
+    """Fields of a message, or lists of the fields of a list of messages; None for other values."""
     each: list[Any] = cast("list[Any]", message) if isinstance(message, list) else []
     first: dict[str, Any] | None = getattr(each[0], "__dict__", None) if each else None
     if first is not None:
@@ -198,7 +204,7 @@ def _fields(message: Any) -> dict[str, Any] | None:
 def _numbers(
     message: dict[str, Any], path: str = "", depth: int = 0
 ) -> Iterator[tuple[str, list[str], Any]]:
-    """Numeric fields of a message by their path, with the names of joints that they are of; a stamp in s."""
+    """Yield the numeric fields of a message: path, joint names, numbers; a stamp is in s."""
     fine = {"nanosec", "nsec"} & message.keys()
     if "sec" in message and fine:
         if path.count(".") < 2:
@@ -217,7 +223,7 @@ def _numbers(
 
 
 def _messages(path: Path, stack: ExitStack) -> Iterator[Raw]:
-    """Messages of a bag's files, in the order that they are stored in."""
+    """Yield the messages of a bag's files in the stored order."""
     files = [path]
     if path.is_dir():
         files = sorted(file for kind in STORED for file in path.glob(f"*{kind}"))
@@ -229,7 +235,7 @@ def _messages(path: Path, stack: ExitStack) -> Iterator[Raw]:
 
 
 def _unpacked(path: Path, folder: Path) -> Path:
-    """Unpack a file into a folder, up to the size that a bag may have."""
+    """Decompress a file into a folder, up to the largest size of a bag."""
     import zstandard
 
     unpacked, left = folder / path.stem, MAX_BAG_BYTES
@@ -243,7 +249,7 @@ def _unpacked(path: Path, folder: Path) -> Path:
 
 
 def _in_mcap(path: Path) -> Iterator[Raw]:
-    """Messages in one MCAP file, with bounded memory."""
+    """Yield the messages of one MCAP file, with bounded memory."""
     with open_with_limit(path, MAX_BAG_BYTES, "a recording in MCAP") as file:
         for schema, channel, message in stored_messages(file):
             name, form = ("", ("", ""))
@@ -255,7 +261,7 @@ def _in_mcap(path: Path) -> Iterator[Raw]:
 
 
 def _in_others(path: Path) -> Iterator[Raw]:
-    """Messages in a database of rosbag2, or in a bag of ROS 1."""
+    """Yield the messages of a rosbag2 database or a ROS 1 bag."""
     from rosbags import rosbag1, rosbag2  # pyright: ignore[reportMissingModuleSource]
     from rosbags.interfaces import MessageDefinitionFormat  # pyright: ignore[reportMissingModuleSource]
 
@@ -268,23 +274,23 @@ def _in_others(path: Path) -> Iterator[Raw]:
 
 
 STORED = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
-"""Ends of the names of files in a folder of rosbag2."""
+"""File name endings in a rosbag2 folder."""
 
 
-# Tables in Parquet, such as a LeRobot data set's episodes.
+# Tables in Parquet, such as the episodes of a LeRobot data set
 
 
 MAX_PARQUET_BYTES = 1_000_000_000
 EPISODE = "episode_index"
 INFO = "meta/info.json"
-"""What a LeRobot data set says of its columns, beside the folder `data`."""
+"""Description of the columns of a LeRobot data set, next to the folder `data`."""
 
 
 def read_parquet(path: Path, columns: ColumnMap) -> Table:
-    """Read numeric columns, and columns of lists of equal length; of a LeRobot file one episode.
+    """Read numeric columns, and columns of lists of equal length; one episode of a LeRobot file.
 
     Raises:
-        InputError: no such file, too large, or several episodes and none is stated.
+        InputError: The file does not exist, is too large, or has several episodes and none is stated.
         Unavailable: `pyarrow` is not installed.
     """
     try:
@@ -300,6 +306,7 @@ def read_parquet(path: Path, columns: ColumnMap) -> Table:
         content: Any = file.read()
     except (OSError, ValueError) as error:
         raise InputError(f"{path} is no Parquet file: {str(error).splitlines()[0]}") from None
+    # Keep columns that convert to numbers of one or two dimensions.
     found: dict[str, Any] = {}
     for name in content.column_names:
         values = content[name].to_pylist()
@@ -329,7 +336,7 @@ def _episode(path: Path, table: dict[str, Any], wanted: int | None) -> dict[str,
 
 
 def _split_named_columns(path: Path, table: dict[str, Any]) -> Table:
-    """Split columns of several numbers whose numbers a LeRobot data set names."""
+    """Split vector columns whose components a LeRobot data set names."""
     info = next((up / INFO for up in path.absolute().parents[:4] if (up / INFO).is_file()), None)
     if info is None:
         return table
@@ -342,7 +349,7 @@ def _split_named_columns(path: Path, table: dict[str, Any]) -> Table:
     found = dict(table)
     for column, values in table.items():
         stated: Any = features.get(column, {}).get("names")
-        # Either a list, or a list by a name of its own: {"motors": [...]}.
+        # The names are a list, or a list under a key of its own: {"motors": [...]}.
         lists: Any = stated.values() if hasattr(stated, "values") else [stated]
         names: list[str] = next(iter(lists), None) or []
         if values.ndim == 2 and len({*names}) == len(names) == values.shape[1]:

@@ -1,4 +1,4 @@
-"""Statistics of torque errors, and a noise model from them."""
+"""Statistics of torque errors in a recording, and a noise model built from them."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ FREEDOM = 18 / 35  # of a variance of second differences, for each of them
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LogStatistics:
-    """Errors of the joint torques in a recording; N m where nothing else is said."""
+    """Errors of the joint torques in a recording; N m unless stated otherwise."""
 
     white: FigureInterval  # standard deviation of a sample at rest
     quantisation: FigureInterval  # step of a sample
@@ -46,17 +46,17 @@ class LogStatistics:
     drift: FigureInterval  # N m/min
 
     def figures(self) -> dict[str, FigureInterval]:
-        """Return all figures by name."""
+        """All figures by name."""
         return {field.name: getattr(self, field.name) for field in fields(self)}
 
 
 def statistics(log: ArmLog, arm: RobotDescription) -> LogStatistics:
     """Measure the errors of the joint torques of `arm` in a recording of free motion.
 
-    A load beyond the nominal hand, or a hand that is not there, is fitted and counts as no error.
+    A load beyond the nominal hand, or a missing hand, is fitted and does not count as an error.
 
     Raises:
-        InputError: the recording is too short, or the described arm does not explain it.
+        InputError: The recording is too short, or the described arm does not explain it.
     """
     if len(log) < 2 or log.t[-1] - log.t[0] < SHORTEST:
         raise InputError(
@@ -76,7 +76,8 @@ def statistics(log: ArmLog, arm: RobotDescription) -> LogStatistics:
 
 
 def white(log: ArmLog) -> FigureInterval:
-    """Measure the white noise of samples at rest by second differences, which hide what is slow."""
+    """White noise of samples at rest, from second differences, which suppress slow changes."""
+    # Second differences over three samples at rest have 1.5 times the variance of a sample.
     resting = np.linalg.norm(log.dq, axis=1) < REST
     middle = resting[:-2] & resting[1:-1] & resting[2:]
     count = int(middle.sum())
@@ -88,13 +89,13 @@ def white(log: ArmLog) -> FigureInterval:
 
 
 def quantisation(tau: Array) -> FigureInterval:
-    """Find the step of the samples: their least difference, where it recurs."""
+    """Quantisation step of the samples: the smallest difference, where it recurs."""
     found = np.array([_step(np.abs(np.diff(values))) for values in tau.T])
     return FigureInterval.about(found[:, 0], found[:, 1])
 
 
 def _step(apart: Array) -> tuple[float, float]:
-    """Find the least of distances (n,), and its standard deviation; NaN where they are continuous."""
+    """Smallest of distances (n,) and its standard deviation; NaN for continuous values."""
     apart = np.sort(apart[apart > 1e-9])
     least = apart[apart < ALIKE * apart[0]] if len(apart) else apart
     if len(least) < max(5, RECURS * len(apart)):
@@ -102,12 +103,11 @@ def _step(apart: Array) -> tuple[float, float]:
     return float(np.median(least)), float(least.std() / np.sqrt(len(least)))
 
 
-# Noise model of an arm from the statistics of its recording, and the figures of other models beside
-# it.
+# Noise model of an arm from the statistics of its recording, and the figures of other models for comparison
 
 
 BASE = "measured"
-"""Noise model whose figures stand where a recording shows none."""
+"""Noise model that provides the figures which a recording does not show."""
 PLACES = {
     "white": "torque.white",
     "quantisation": "torque.quantisation",
@@ -120,30 +120,31 @@ PLACES = {
     "cycles": "torque.ripple.cycles",
     "encoder_ripple": "pose.encoder_ripple.size",
 }
-"""Key of a noise model that states a figure."""
+"""Key of each figure in a noise model."""
 DIGITS = 3
 
 
 def stated_figures(name: str, arm: RobotDescription) -> dict[str, Array]:
-    """Return the figures (7,) that a noise model states of an arm; of a drawn one, its size."""
+    """Figures (7,) that a noise model states for an arm; for a random one, its size."""
     model = noise_models().load(name, arm)
     return {figure: np.asarray(_value(model, place)) for figure, place in PLACES.items()}
 
 
 def noise_file(found: LogStatistics, arm: RobotDescription, name: str, seconds: float) -> str:
-    """Write a noise model with what a recording of `seconds` s shows, as YAML."""
+    """Write a noise model with the figures of a recording of `seconds` s, as YAML."""
     base, figures = stated_figures(BASE, arm), found.figures()
     content: dict[str, Any] = {}
+    # Replace the base model's figures by the observed ones, joint by joint.
     for figure, place in PLACES.items():
         seen = ~np.isnan(figures[figure].value)
         if not seen.any():
             continue
-        # A drawn size is no value: what is not seen of an offset is zero.
+        # The size of a random offset is not a value: unobserved offsets are zero.
         rest = np.zeros(7) if figure == "offset" else base[figure]
         values = _round_figures(np.where(seen, figures[figure].value, rest))
         _set_path(content, place, {"fixed": values} if figure == "offset" else values)
     if "ripple" in content.get("torque", {}):
-        # What is seen holds the control loop's gain.
+        # The observed ripple includes the gain of the control loop.
         _set_path(content, "torque.ripple.resonance.frequency", float("inf"))
     if "friction" in content:
         _set_path(content, "friction.spread", 0.0)

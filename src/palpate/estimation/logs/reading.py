@@ -1,4 +1,4 @@
-"""Recordings of arms in the formats that they are logged in."""
+"""Reading of arm recordings in their logged formats."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from palpate.trace.recording import ArmLog
 MAX_BYTES = 1_000_000_000
 MAX_TEXT = 500_000_000
 MAX_ROWS = 4_000_000
-"""An hour at 1 kHz, and some."""
+"""About an hour at 1 kHz."""
 MAX_COLUMNS = 2_000
 
 
 def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLog:
-    """Return a recording at hand as it is, or read that of a path (`read_log`)."""
+    """Return a recording unchanged, or read the one at a path (`read_log`)."""
     if isinstance(log, ArmLog):
         return log
     return read_log(Path(log), None if columns is None else Path(columns))
@@ -40,17 +40,17 @@ def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLo
 def read_log(path: Path, columns: Path | None = None) -> ArmLog:
     """Read the joint signals of an arm from a recording.
 
-    The log's `notes` say which topics, joints and rows are left out, and which unit, stamp or velocity is
-    inferred.
+    The log's `notes` state omitted topics, joints and rows, and inferred units, stamps or velocities.
 
     Args:
         path: CSV (.csv, .tsv, .txt), .npz, .mcap, .parquet, a folder or database of rosbag2, or a .bag.
-        columns: YAML that maps columns to signals (`ColumnMap`) and names the arm; the rest is guessed.
+        columns: YAML that maps columns to signals (`ColumnMap`) and names the arm; the rest is inferred.
 
     Raises:
-        InputError: not such a file, too large, without time, positions or torques, or of several arms.
-        Unavailable: the library for its format is not installed.
+        InputError: The file is of another kind, too large, without time, positions or torques, or of several arms.
+        Unavailable: The library for its format is not installed.
     """
+    # Choose the reader by the kind of the path.
     mapped = read_map(columns)
     reader, notes = READERS.get(path.suffix.lower()), list[str]()
     if path.is_dir() and not any(file for kind in STORED for file in path.glob(f"*{kind}")):
@@ -66,6 +66,7 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
         raise InputError(
             f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
         )
+    # Find the arm's columns, and repair clock and units.
     for _, table in tables:
         _check_size(table, path)
     arm = find_arm(tables, mapped, str(path))
@@ -84,11 +85,12 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
 
 
 def read_csv(path: Path, columns: ColumnMap) -> Table:
-    """Read the numeric columns of a table in text, whose first line names them."""
+    """Read the numeric columns of a text table whose first line names them."""
     text = read_text(path, MAX_TEXT, "a recording of an arm")
     lines = text.splitlines()
     if len(lines) < 3:
         raise InputError(f"{path} has {len(lines)} lines; give a line of names and a row a sample")
+    # Separator and column names of the first line.
     try:
         dialect = csv.Sniffer().sniff(lines[0], ",;\t ")
         split = dialect.delimiter
@@ -104,6 +106,7 @@ def read_csv(path: Path, columns: ColumnMap) -> Table:
         raise InputError(f"{path}: columns with one name: {', '.join(twice[:10])}")
     if len(names) > MAX_COLUMNS:
         raise InputError(f"{path} has {len(names)} columns, at most {MAX_COLUMNS} are read")
+    # Decimal commas, and the columns that contain numbers.
     if split != "," and "," in lines[1] and "." not in lines[1]:
         lines[1:] = [line.replace(",", ".") for line in lines[1:]]  # decimal commas
     first = lines[1].split(split)
@@ -112,6 +115,7 @@ def read_csv(path: Path, columns: ColumnMap) -> Table:
         raise InputError(
             f"{path}: its second line holds no number; leave one line of names, without one of units"
         )
+    # Parse all rows; on failure, report a truncated line if there is one.
     try:
         rows = np.loadtxt(
             lines[1 : MAX_ROWS + 2],
@@ -132,7 +136,7 @@ def read_csv(path: Path, columns: ColumnMap) -> Table:
 
 
 def read_npz(path: Path, columns: ColumnMap) -> Table:
-    """Read the numeric arrays of a NumPy archive, (n,) or (n, k); objects (pickles) are refused."""
+    """Read the numeric arrays, (n,) or (n, k), of a NumPy archive; objects (pickles) are refused."""
     try:
         with (
             open_with_limit(path, MAX_BYTES, "a recording of an arm") as file,
@@ -165,7 +169,7 @@ def _check_size(table: Table, path: Path) -> None:
     """Check the size of a table.
 
     Raises:
-        InputError: no column, too many rows, or columns of unequal length.
+        InputError: There is no column, or there are too many rows.
     """
     if not table:
         raise InputError(f"{path} holds no numbers")

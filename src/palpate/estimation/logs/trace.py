@@ -1,4 +1,4 @@
-"""A recording of an arm as a `Trace`, in which the hand carries a load in given windows."""
+"""Conversion of an arm recording to a `Trace`, with a load in given time windows."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from palpate.trace.samples import FORCES, Samples, Trace
 PERIOD = 0.005
 """s between samples of a trace; faster recordings are averaged."""
 EDGE = 0.5
-"""s on either side of a window's ends in which the load comes and goes."""
+"""s at either end of a window, in which the load changes."""
 APART = 10.0
 """s in the trace between a recording and that of the empty hand."""
 SHORTEST = 1.0
-"""s of a window from which it says something."""
+"""s. Shortest useful window."""
 Window = tuple[float, float]
 
 
@@ -33,10 +33,10 @@ class Carrying:
     """Load of a recording.
 
     Attributes:
-        name: of the object.
-        windows: s since the first row of the log, in which it was carried; none: all of it.
+        name: name of the object.
+        windows: s since the first row of the log, in which it was carried; all of the log if empty.
         in_hand: position and quaternion wxyz of the object in the hand, as text; None where unknown.
-        hand: kg of the end effector; None: as the arm's description has it; `found`: from the recording.
+        hand: kg of the end effector; None for that of the arm's description; `found` if fitted to the recording.
     """
 
     name: str
@@ -54,12 +54,14 @@ def trace_of(
     gravity: float,
     empty: ArmLog | None = None,
 ) -> Trace:
-    """Build the trace of a log whose hand carries a load in its windows, and is empty elsewhere and in the log
-    `empty`.
+    """Build the trace of a log.
+
+    The hand carries a load in the log's windows. It is empty elsewhere, and in the log `empty`.
 
     Raises:
-        InputError: a window that the log does not have.
+        InputError: A window is not in the log.
     """
+    # Average the recording, and append that of the empty hand.
     parts = [average_bins(log)]
     end = float(parts[0].t[-1])
     windows = [_inside(window, end, log.source) for window in carrying.windows or [(0.0, end)]]
@@ -67,6 +69,7 @@ def trace_of(
         later = average_bins(empty)
         parts.append(replace(later, t=later.t + end + APART))
     samples = Samples.concatenate(samples_of(part, arm, base, gravity, carrying) for part in parts)
+    # Each window becomes a recording between a grasp and a release.
     held = Context("moving", "load", carrying.name, carrying.in_hand)
     free = Context("moving", "load")
     leaves: list[LeafRun] = []
@@ -78,11 +81,13 @@ def trace_of(
         for primitive, label, begins, ends, context in (taken, given):
             leaves.append(LeafRun(node, primitive, label, begins, ends, "SUCCESS", "", context))
         recordings.append(Recording(FORCES, start, stop, held, node))
+    # The last window represents each parameter.
     last = recordings[-1]
     conversions = [
         Conversion(RECORDED, parameter.object, parameter.quantity, last, last.end)
         for parameter in parameters
     ]
+    # The unknown part of the hand's mass is removed from the chain, so that the load fit contains it.
     chain, share = arm.nominal.chain, hand_share(arm, carrying.hand)
     assert chain is not None
     of_hand = hand_links(arm)
@@ -108,8 +113,8 @@ def _inside(window: Window, end: float, source: str) -> Window:
 
 
 def average_bins(log: ArmLog) -> ArmLog:
-    """Means over bins of `PERIOD`, from 0 s on."""
-    # Stamps are multiples of a period up to rounding.
+    """Average a log over bins of `PERIOD` from 0 s."""
+    # Time stamps are multiples of a period up to rounding.
     bins = np.floor((log.t - log.t[0]) / PERIOD + 1e-3).astype(int)
     starts = np.flatnonzero(np.diff(bins, prepend=-1))
     count = np.diff(np.append(starts, len(bins)))
@@ -129,7 +134,7 @@ def average_bins(log: ArmLog) -> ArmLog:
 
 
 def hand_links(arm: RobotDescription) -> set[int]:
-    """Places of the links of the arm's hand in its chain."""
+    """Indices of the links of the arm's hand in its chain."""
     model = arm.spec(np.zeros(3)).compile()
     hinges = [int(model.joint(name).id) for name in arm.joints]
     hand = model.body(arm.hand.body).id
@@ -144,7 +149,7 @@ def hand_links(arm: RobotDescription) -> set[int]:
 
 
 def hand_share(arm: RobotDescription, hand: float | str | None) -> float:
-    """Part of the described hand's mass that counts as known."""
+    """Fraction of the described hand's mass that counts as known."""
     if hand is None:
         return 1.0
     chain = arm.nominal.chain
@@ -156,9 +161,10 @@ def hand_share(arm: RobotDescription, hand: float | str | None) -> float:
 def samples_of(
     log: ArmLog, arm: RobotDescription, base: Pose, gravity: float, carrying: Carrying
 ) -> Samples:
-    """Samples of a log: the external torques are the sensed ones less those that hold the nominal arm up."""
+    """Samples of a log; the external torques are the sensed ones minus gravity torques of the nominal arm."""
     seen = NominalArm(arm, base, np.array([0.0, 0.0, -gravity])).kinematics(log.q)
     external = log.tau - seen.gravity_torque
+    # Gravity of the unknown part of the hand stays in the external torques.
     share = hand_share(arm, carrying.hand)
     if share != 1.0:
         chain = arm.nominal.chain

@@ -1,5 +1,7 @@
-"""Size of an object: its three extents, from the finger opening at a grasp and a touch of its top. In the file
-they are the `size` of its geoms, or the `scale` of its meshes."""
+"""Size of an object: its three extents, from the finger opening at a grasp and a touch of its top.
+
+In the file they are the `size` of its geoms, or the `scale` of its meshes.
+"""
 
 from __future__ import annotations
 
@@ -35,16 +37,16 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import POSE, Trace
 
 EXTENT_PRIOR = 0.25
-"""part of an extent that is its 1 sigma before measuring. Sensitive: no."""
+"""1 sigma of an extent before measuring, as a fraction of it. Sensitive: no."""
 SAME_SUPPORT = 0.05
-"""m from where the scene has an object's bottom that a touched surface may be, to be what it stands on. Sensitive:
+"""m. Largest distance of a touched surface from an object's bottom in the scene at which it is its support. Sensitive:
 no."""
 
 UNIT = "m"
 HALF = 0.03
-"""m: half of an extent that nobody states: two fingers of an ordinary hand reach around it."""
+"""m. Half of an unstated extent: two fingers of an ordinary hand reach around it."""
 LEAST = 0.005
-"""m: least height of the middle of an object above its support."""
+"""m. Smallest height of the middle of an object above its support."""
 OFF = 0.1
 """Largest relative deviation of a hidden extent from the believed one."""
 AXES = "xyz"
@@ -59,8 +61,10 @@ RADII: Mapping[str, tuple[tuple[int, ...], ...]] = {
 
 
 class Size(Quantity):
-    """Full extents along the axes of the object's own frame: the width from the finger opening at a
-    grasp, the height from a touch of its top."""
+    """Full extents along the axes of the object's frame.
+
+    The width is from the finger opening at a grasp, the height from a touch of its top.
+    """
 
     id = "size"
     unit = UNIT
@@ -103,7 +107,7 @@ class Size(Quantity):
     estimators: ClassVar = {"touch": "palpate.estimation.quantities.size:estimate_size"}
 
     def needs(self, body: Body, bodies: Mapping[str, Body]) -> Iterator[Parameter]:
-        """Height of its support, where the file does not state it."""
+        """Height of its support, if the file does not state it."""
         for other in bodies.values():
             if body.name in other.carries and "height" in other.missing:
                 yield Parameter(other.name, "height")
@@ -112,16 +116,16 @@ class Size(Quantity):
         return tuple(body.box()[1].tolist())
 
     def status(self, body: BodyDescription) -> Status:
-        """Missing where a `?` stands for it; otherwise the shapes state it together."""
+        """Missing where a `?` represents it; otherwise the shapes together state it."""
         return "missing" if open_extents(body).any() else "not applicable"
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
-        """Numbers of a single shape that is centred at its body's origin."""
+        """Numbers of a single shape centred at its body's origin."""
         if is_one_shape(elements) and not has_unknown(elements.element, "pos", 2):
             yield Slot(elements.geoms[0], "size", str(HALF))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
-        """Prior: twice the height of its middle above its support; in width an ordinary grasp."""
+        """Prior: twice the height of its middle above its support; horizontally, the width of an ordinary grasp."""
         extents, is_open = body.box()[1], open_extents(body)
         mean = np.where(is_open, 2 * HALF, extents)
         std = np.where(is_open, EXTENT_PRIOR * mean, 0.0)
@@ -132,7 +136,7 @@ class Size(Quantity):
         return Prior(tuple(mean.tolist()), tuple(std.tolist()))
 
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
-        """Draw uniformly within `OFF` sideways; supported objects keep their height."""
+        """Draw horizontally, uniformly within `OFF`; supported objects keep their height."""
         up = np.abs(body.pose_world.rotation[2]) > ALIGNED
         off = random.uniform(-OFF, OFF, 3) * (np.array(prior.std) > 0.0) * ~up
         return tuple((np.array(prior.mean) * (1.0 + off)).tolist())
@@ -140,8 +144,10 @@ class Size(Quantity):
     def write(
         self, body: BodyDescription, value: tuple[float, ...], std: float | None
     ) -> Iterator[Edit]:
-        """Write into its shapes, scaled about the middle of its lower face; a shape with open numbers is
-        scaled about its own middle."""
+        """Write into its shapes, scaled about the middle of the lower face.
+
+        A shape with open numbers is scaled about its own middle.
+        """
         centre, extents = body.box()
         scale = np.array(value) / np.maximum(extents, 1e-9)
         if open_extents(body).any():
@@ -161,11 +167,10 @@ class Size(Quantity):
 def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Extents of an object from the finger opening at its grasps, and from a touch of its top.
 
-    An extent without evidence stays as in the scene, with its prior standard deviation, and the method
-    says so.
+    An extent without evidence keeps its value in the scene with its prior standard deviation, and the method says so.
 
     Raises:
-        ValueError: a recording holds no samples, or no guarded descent comes before it.
+        ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     name = parameter.object
     poses = [recording for recording in trace.recordings if recording.buffer == POSE]
@@ -178,8 +183,10 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
 
 
 def size_on_the_way(trace: Trace, body: Body) -> Estimate | None:
-    """Extents of an object whose size nobody asked for, from the grasps and touches that other measurements took;
-    None where nothing tells them."""
+    """Extents of an object whose size was not requested, from grasps and touches for other measurements.
+
+    Returns None if they are no evidence of it.
+    """
     parameter = Parameter(body.name, "size")
     found = list(widths_at_grasps(trace, body))
     touches = touches_of(trace, probes(trace, parameter))
@@ -195,20 +202,22 @@ def size_of(
     held: Sequence[Recording],
     touches: Sequence[SurfaceTouch],
 ) -> Estimate:
-    """The size of an object from its extents at grasps, and from touches of its top."""
+    """Estimate an object's size from its extents at grasps and from touches of its top."""
     top_views: tuple[FitView, ...] = ()
     tolerated = SOFT
     upright = np.abs(body.pose_world.rotation[2]) > ALIGNED
+    # Height: the touched top above the support.
     if touches and upright.any():
         top, below = plane_of(touches, trace.hand), support(trace, body)
         std = float(np.hypot(top.std, below[1]))
         found.append(Extent(int(upright.argmax()), top.height - below[0], std))
-        # Where it was met and where it was held are one height, by all that is known of the other end.
+        # Contact height and height at rest agree within the error of the lower end.
         tolerated = max(tolerated, 2.0 * below[1])
         top_views = touch_views(touches, top, upright.astype(float))
     if not found:
         why = f"'{body.name}' was touched only at an angle to its own axes, along which its size is stated."
         return not_identified(parameter, UNIT, why, tuple(held))
+    # Weighted mean of each extent.
     value, std = body.size.copy(), EXTENT_PRIOR * body.size
     for axis in range(3):
         measured = [extent for extent in found if extent.axis == axis]
@@ -216,7 +225,7 @@ def size_of(
             stds = np.array([extent.std for extent in measured])
             weights = stds**-2.0
             value[axis] = np.average([extent.value for extent in measured], weights=weights)
-            # Fingers that tell too wide an opening do so at each grasp: no number of grasps reduces that.
+            # The error of the finger opening is the same at each grasp, so no number of grasps reduces it.
             std[axis] = np.average(stds, weights=weights)
     seen = {extent.axis for extent in found}
     unseen = sorted({0, 1, 2} - seen)
@@ -234,8 +243,8 @@ def size_of(
         std,
         method,
         evidence=(*held, *(touch.recording for touch in touches)),
-        # A rigid top: an object ends where it is met. A little compliance, of it or of its support, widens
-        # the standard deviation of the touch; something soft is a test that fails.
+        # A rigid top is assumed: an object ends where it is touched. A small compliance, its own or its support's,
+        # widens the standard deviation of the touch; a soft top is a failed test.
         tests=tuple(touch.firm() for touch in touches if touch.penetration > tolerated),
         unseen=tuple(unseen),
         views=(*width_views(trace, held, value), *top_views),
@@ -243,7 +252,7 @@ def size_of(
 
 
 def width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterator[FitView]:
-    """Finger opening while closing on the object, with the nearest of its extents `value` (3,), m."""
+    """Yield charts of the finger opening while closing on the object, with the nearest extent of `value` (3,), m."""
     for recording in held:
         samples = closing_samples(trace, recording)
         if samples is None:
@@ -265,10 +274,10 @@ def width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterat
 
 
 def support(trace: Trace, body: Body) -> tuple[float, float]:
-    """World z of the object's support, m, with its standard deviation: of the touched surface nearest to its
-    bottom in the scene, else that bottom.
+    """World z of the object's support, m, and its standard deviation.
 
-    Both touches share the length of the tips, which cancels in the extent; in one alone it counts.
+    It is that of the touched surface nearest to the object's bottom in the scene, else that bottom. Both touches share
+    the tip length, which cancels in the extent; with one touch alone it counts.
     """
     bottom = body.bottom_z()
     names = {r.context.support for r in trace.recordings} - {None, body.name}
@@ -296,7 +305,7 @@ def is_one_shape(elements: Elements) -> bool:
 
 
 def open_extents(body: BodyDescription) -> NDArray[np.bool_]:
-    """(3,) True for the extents of an object, along its own axes, that the file leaves open."""
+    """(3,) True for extents along the object's axes that the file leaves open."""
     if not is_one_shape(body.elements):
         return np.zeros(3, dtype=np.bool_)
     (geom,) = body.elements.geoms
@@ -312,10 +321,10 @@ def open_extents(body: BodyDescription) -> NDArray[np.bool_]:
 def scaled_numbers(
     body: BodyDescription, geom: Element, scale: Array, std: float | None
 ) -> dict[int, str]:
-    """Numbers of the `size` of a geom that is scaled by `scale` (3,) along its own axes."""
+    """Numbers of the `size` of a geom scaled by `scale` (3,) along its own axes."""
     sizes = body.shapes.model.geom_size[body.shapes.geom_ids[geom]]
     axes = RADII[type_of(geom, body.elements)]
-    # A radius lies along several axes, and takes the mean of their factors.
+    # A radius covers several axes and takes the mean of their factors.
     factors = [float(np.mean(scale[list(along)])) for along in axes]
     return {i: number(float(sizes[i] * factor), std) for i, factor in enumerate(factors)}
 
@@ -323,15 +332,15 @@ def scaled_numbers(
 def scale_geom(
     body: BodyDescription, geom: Element, scale: Array, anchor: Array, std: float | None
 ) -> Iterator[Edit]:
-    """Changes that scale a geom about a point of its body.
+    """Changes that scale a geom by `scale` (3,) about a point `anchor` (3,) of its body.
 
     Raises:
-        InputError: a shape that does not lie along the body's axes, or a mesh that others use.
+        InputError: The shape does not lie along the body's axes, or others use its mesh.
     """
     kind, shapes = type_of(geom, body.elements), body.shapes
     pose = shapes.geom_pose(geom)
     if kind == "mesh":
-        # MuJoCo moves a mesh to its own middle; the file places it before that.
+        # MuJoCo moves a mesh to its centre; the file states the pose before that.
         mesh = int(shapes.model.geom_dataid[shapes.geom_ids[geom]])
         moved = Pose.of(shapes.model.mesh_pos[mesh], shapes.model.mesh_quat[mesh])
         pose = pose @ moved.inverse()
@@ -361,7 +370,7 @@ def scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
     """Change of the `scale` of a mesh asset, the only statement of its extents.
 
     Raises:
-        InputError: other geoms use the mesh, too.
+        InputError: Other geoms use the mesh as well.
     """
     name = body.defaults.attribute(geom, "mesh")
     root = geom.getroottree().getroot()
