@@ -1,4 +1,4 @@
-"""Images of the workspace, and their pinhole camera."""
+"""Images of the workspace, and the pinhole camera that takes them."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ MAX_PIXELS = 64_000_000
 """Most pixels of a picture."""
 
 MAX_SIDE = 1024
-"""Pixels: longest side after loading; larger pictures are downscaled."""
+"""Pixels, longest side after loading; larger pictures are downscaled."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -30,7 +30,8 @@ class Camera:
     """A pinhole camera.
 
     Attributes:
-        pose_world_camera: as in MuJoCo: view along -z, x to the right of the image, y up.
+        pose_world_camera: pose in MuJoCo's convention: view along -z, x to the right of the image,
+            y up.
         fovy: vertical field of view, rad.
         width, height: pixels.
     """
@@ -52,6 +53,7 @@ class Camera:
 
     def ray(self, u: float, v: float) -> Array:
         """(3,) unit vector in the world through a pixel (u right, v down)."""
+        # Inverse of the pinhole projection, with the image centre on the optical axis.
         local = np.array([u - self.width / 2, self.height / 2 - v, -self.focal])
         return self.pose_world_camera.rotation @ (local / np.linalg.norm(local))
 
@@ -60,6 +62,7 @@ class Camera:
         ray, eye = self.ray(u, v), self.pose_world_camera.position
         if abs(ray[2]) <= 1e-9:
             return None
+        # eye + s ray with z component z; s > 0 in front of the camera.
         distance = (z - eye[2]) / ray[2]
         if distance > 0:
             return eye + distance * ray
@@ -82,7 +85,7 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     from PIL import Image  # most scenes have no picture
 
     content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
-    # A small file may unpack to a large picture: Pillow warns of it before it unpacks.
+    # A small file may unpack to a large picture. Pillow warns before it unpacks.
     try:
         with warnings.catch_warnings():
             warnings.simplefilter("error", Image.DecompressionBombWarning)

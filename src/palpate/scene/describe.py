@@ -1,4 +1,4 @@
-"""Objects and surfaces as a document describes them, and the words that may name them."""
+"""Objects and surfaces of a document, and the words that may name them."""
 
 from __future__ import annotations
 
@@ -70,6 +70,7 @@ def thing_words(
 ) -> frozenset[str]:
     """Words for the body or geom `name` made of `geoms`, with the names of its parts; `shapes` adds
     `box`, `ball`, …"""
+    # Names of all parts, and colours of the geoms.
     words = name_words(name)
     root = element.getroottree().getroot()
     for part in element.iterdescendants("body"):
@@ -100,6 +101,7 @@ def colour_words(rgb: tuple[float, float, float]) -> set[str]:
 
 def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float, float] | None:
     """Colour of a geom, else of its material; None where neither states one."""
+    # The geom's own colour takes precedence over that of its material.
     stated = defaults.attribute(geom, "rgba")
     if stated is None:
         name = defaults.attribute(geom, "material")
@@ -114,31 +116,35 @@ def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float
     return r, g, b
 
 
-# The objects and surfaces of a document as it describes them, placed as the poses say.
+# Description of a document: objects and surfaces at the poses of poses.yaml.
 
 
 AN_OBJECT = "an object needs a body with a <freejoint/>, and no other joint"
 PHYSICAL, NAMES = ("geom", "inertial", "joint"), ("name", "class", "mesh", "material", "hfield")
-"""Elements whose attributes are numbers, and those of them that are not. MuJoCo reads `nan` as absent."""
+"""Elements with numeric attributes, and their attributes that are not numeric.
+
+MuJoCo reads `nan` as absent.
+"""
 CARRYING = 0.10
-"""m: a static body narrower than this is a surface only when something stands on it."""
+"""m, least width of an empty surface; a narrower static body must carry an object."""
 
 MOUNT = 0.5
-"""m: the body on which the arm stands is its mount and no surface, if it is smaller than this and
-carries no object."""
+"""m, size below which the body under the arm is its mount and no surface, if it carries no object."""
 
 HANGING = 0.001
-"""m: an object that is less above its support stands on it."""
+"""m, largest gap between an object and its support at which the object rests on it."""
 
 SECONDS = 0.5
-"""s in which objects come to rest: a fall of `RESTING` takes 0.06 s."""
+"""s, simulated time in which objects come to rest; a fall of `RESTING` takes 0.06 s."""
 
 MOST_STEPS = 2_000
-"""Most steps of that simulation, at any timestep of the scene."""
+"""Largest number of steps of that simulation, at any timestep of the scene."""
 
 ASIDE, UPRIGHT = 0.005, float(np.cos(np.radians(3.0)))
-"""m to the side, and cosine of a turn: an object that moves by more falls over or rolls, and keeps the
-file's pose."""
+"""m to the side, and cosine of a turn, that an object may move in that simulation.
+
+With a larger motion it falls over or rolls, and keeps the file's pose.
+"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -146,11 +152,11 @@ class Description:
     """A document whose elements have roles and whose bodies have geometry.
 
     Attributes:
-        shapes: compiled with stand-ins for everything unknown.
+        shapes: geometry compiled with placeholders for all unknowns.
         bodies: objects, surfaces and fixtures by name, in document order.
-        placed: the changes that put bodies where the poses say, and down onto their support.
-        lowered: names of the bodies that were let down.
-        refused: static bodies with a name that are no surfaces, with the reason.
+        placed: changes that move bodies to the given poses, and down onto their support.
+        lowered: names of the lowered bodies.
+        refused: named static bodies that are no surfaces, with the reason.
     """
 
     document: Document
@@ -162,7 +168,7 @@ class Description:
     refused: dict[str, str]
 
     def why_no_body(self, name: str) -> str:
-        """Sentence that says why nothing is measured of a body of the file; empty for others."""
+        """Sentence with the reason why a body of the file is not measured; empty for others."""
         roles = self.roles
         found = {one: f"'{one}' stands still; {AN_OBJECT}" for one in self.refused}
         for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
@@ -176,18 +182,20 @@ class Description:
 def describe(
     document: Document, poses: Poses, catalogue: Catalogue, settled: bool = True
 ) -> Description:
-    """Sort a document, apply the poses, and compile it with stand-ins; `settled`: objects just above
-    their support are let down onto it.
+    """Classify a document's bodies, apply the poses, and compile it with placeholders.
+
+    With `settled`, objects just above their support are lowered onto it.
 
     Raises:
         InputError: too large, a `?` where nothing can be measured, names that do not match, scenes
             that MuJoCo does not accept.
     """
-    # The elements first; then, without the robots, what is loaded. Physics needs no textures.
+    # Limits of the elements first, then of the loaded files without the robots and textures.
     require_limits(document, is_loaded=lambda _: False)
     roles = find_roles(document)
     is_loaded = without_robots(document, roles).is_loaded()
     require_limits(document, is_loaded=lambda one: one.tag != "texture" and is_loaded(one))
+    # Slots are the places where a quantity may be written `?`.
     slots: list[Slot] = []
     for body in roles.bodies.values():
         for quantity in catalogue.of(body.role):
@@ -201,17 +209,19 @@ def describe(
             if name not in valid:
                 raise unknown_name(kind, name, valid)
     placed = tuple(_placements(poses, roles))
-    # With a stand-in for each `?` the scene compiles before anything is known.
+    # With a placeholder for each `?`, the scene compiles before any value is known.
     edits: list[Edit] = []
     for slot in slots:
         edits += slot.placeholder()
     shapes = compile_shapes(document, roles, [*edits, *placed])
     bodies = _describe_bodies(roles, shapes, poses)
+    # Lower hanging objects, and compile again if any pose changed.
     lowered = dict(let_down(bodies, shapes)) if settled else {}
     if lowered:
         placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])
         bodies = _describe_bodies(roles, shapes, poses)
+    # Static bodies that cannot be surfaces are left out, with the reason.
     refused: dict[str, str] = {}
     for name, body in bodies.items():
         if body.role == "surface" and (reason := _no_surface(body)):
@@ -247,10 +257,15 @@ def _describe_bodies(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, Bo
 def _refuse_other_unknowns(
     document: Document, roles: Roles, slots: Iterable[Slot], catalogue: Catalogue
 ) -> None:
-    """Refuse a `?` that stands in no slot; in a world, whose catalogue is empty, each `?`."""
+    """Refuse a `?` outside all slots; a world has an empty catalogue, so each `?` is refused.
+
+    Raises:
+        InputError: such a `?`, or `nan` as a number.
+    """
     allowed: dict[tuple[Element, str], list[Slot]] = {}
     for slot in slots:
         allowed.setdefault((slot.element, slot.attribute), []).append(slot)
+    # Robots are replaced by the arm, so their attributes do not matter.
     robots: set[Element] = set()
     for robot in roles.robots:
         robots.update(elements(robot))
@@ -270,6 +285,7 @@ def _refuse_other_unknowns(
                 )
             if attribute == "name" or (attribute in INHERITED and in_default and catalogue):
                 continue
+            # Positions of `?` in the attribute that no slot covers.
             unknown = {i for i, part in enumerate(tokens(text)) if part == UNKNOWN}
             for slot in allowed.get((element, attribute), []) if unknown else ():
                 unknown -= {i for i in unknown if slot.covers(i)}
@@ -311,7 +327,11 @@ def _no_object(element: Element, roles: Roles) -> str:
 
 
 def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
-    """Yield the changes that put bodies where the poses say, except a z that the file writes `?`."""
+    """Yield the changes that move bodies to the given poses, except a z that the file writes `?`.
+
+    Raises:
+        InputError: a body that is not placed by its own pos.
+    """
     for name, entry in poses.objects.items():
         element = roles.bodies[name].element
         if roles.bodies[name].moved_by() is not None or element.get("fromto"):
@@ -337,21 +357,25 @@ def _format_numbers(values: Array) -> dict[int, str]:
 
 
 def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[tuple[str, Edit]]:
-    """Yield the changes, by name, that put objects less than `RESTING` above a support of known height
-    onto it: to where MuJoCo lets them fall, if straight down."""
+    """Yield the changes, by name, that lower objects onto a support of known height.
+
+    The objects are less than `RESTING` above it. The new pose is that after a simulated fall, if the
+    fall is straight down.
+    """
     hanging = [body for body in bodies.values() if _hangs(body)]
     if not hanging:
         return
     data = mujoco.MjData(shapes.model)
     steps = min(int(SECONDS / shapes.model.opt.timestep), MOST_STEPS)
     mujoco.mj_step(shapes.model, data, steps)
-    # All fall together, so that stacks settle as a whole.
+    # All objects fall together, so that stacks settle as a whole.
     for body in hanging:
         before, fallen = shapes.body_pose(body.name), data.body(body.name)
         after = Pose.of(fallen.xpos, fallen.xquat)
         drop = float(before.position[2] - after.position[2])
         aside = float(np.linalg.norm((before.position - after.position)[:2]))
         turned = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
+        # The stated z is lowered by the drop; x, y and orientation stay as stated.
         if 0.0 < drop < 2 * RESTING and aside < ASIDE and turned > UPRIGHT:
             element = body.elements.element
             if body.given is not None:
@@ -370,6 +394,7 @@ def _hangs(body: BodyDescription) -> bool:
     below = body.surfaces_below()
     if any(surface.top_is_open for surface in below):
         return False  # its height will be measured, and the object moves with it
+    # Gaps to all surfaces and lower objects below.
     gaps = [body.bottom_z - surface.top_z for surface in below]
     foot = body.footing()
     for other in body.objects():
@@ -393,6 +418,7 @@ def _no_surface(body: BodyDescription) -> str:
     for thing in body.objects():
         if _carries(body, thing.footing()):
             return ""
+    # Without an object on it, the size decides: mounts and narrow bodies are no surfaces.
     extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
     if np.max(extent) < MOUNT and _carries(body, body.shapes.base().position):
         return "the arm stands on it"
@@ -406,7 +432,10 @@ def _carries(surface: BodyDescription, point: Array) -> bool:
 
 
 def _is_level(shapes: Shapes, geom: Element) -> bool:
-    """True if the geom has a level face on top."""
+    """True if the geom has a level face on top: a level box, or an upright cylinder or plane.
+
+    Meshes and height fields are accepted as they are.
+    """
     kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
     up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
     if kind == mujoco.mjtGeom.mjGEOM_BOX:

@@ -48,7 +48,7 @@ class Geometry:
         base: Pose,
         arm: RobotDescription,
     ) -> Geometry:
-        """From the compiled scene."""
+        """Collect the geometry of the compiled scene."""
         shapes = resolved.shapes
         objects: dict[str, list[Convex]] = {}
         handles: dict[str, list[Convex]] = {}
@@ -66,6 +66,7 @@ class Geometry:
                 continue
             objects[name] = [shapes.convex(geom) for geom in body.elements.colliding]
             movable |= {shapes.geom_ids[geom] for geom in body.elements.geoms}
+        # Obstacles with their owners: objects and handles, then all other colliding geoms.
         solids: list[tuple[str, Array]] = []
         for name, geoms in (*objects.items(), *handles.items()):
             solids += [(name, geom.points) for geom in geoms]
@@ -89,7 +90,7 @@ class Geometry:
         return [obstacle for owner, obstacle in self.obstacles if owner not in names]
 
     def on(self, surface: str) -> list[Array]:
-        """Points of each object that stands on a surface."""
+        """Points (n, 3) of each object on a surface."""
         top = self.bodies[surface]
         standing: list[Array] = []
         for cloud in self.clouds.values():
@@ -116,17 +117,17 @@ def middle(cloud: Array) -> tuple[float, float]:
     return float(x), float(y)
 
 
-# Grasps of handles: from above, else level, from whichever side leaves room for the hand.
+# Grasps of handles: from above, else level from a side with room for the hand.
 
 
 RETREAT = 0.12
-"""m that a level hand goes back from a handle: its fingers, and what is grasped, are some 6 cm deep."""
+"""m, retreat of a level hand from a handle: fingers and handle are about 6 cm deep."""
 LEAST_AWAY = 0.3
-"""Cosine between the arm's direction to a handle and that of an approach, at least."""
+"""Least cosine between the arm's direction to a handle and that of an approach."""
 DOWN = -0.5
-"""Height of the tool's z axis, a unit vector, below which the hand counts as pointing down."""
+"""World z of the tool's unit z axis below which the hand counts as pointing down."""
 HALF_TURN = Pose.of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-"""About the tool's z: the fingers close in the same way."""
+"""Half a turn about the tool's z, after which the fingers close along the same line."""
 
 
 def handle_grasp(
@@ -137,14 +138,18 @@ def handle_grasp(
     base: Pose,
     is_named: bool,
 ) -> Grasp:
-    """The grasp of a handle of convex shapes (world) among solids of points (n, 3); its yaw is that of the joint's
-    way. What is not named a handle may be a whole front, and is grasped from above alone."""
+    """The grasp of a handle of convex shapes (world) among solids of points (n, 3).
+
+    Its yaw is the direction of the joint's motion. A handle without a name (`is_named`) may be a whole
+    front, and is grasped only from above.
+    """
     middle = np.concatenate([shape.points for shape in handle]).mean(axis=0)
     way = joint.direction(middle)
     obstacles = [Obstacle.of(points) for points in around]
     above = derive_grasp(arm, handle, obstacles, float(np.arctan2(way[1], way[0])), base)
     if not (above.problem and is_named):
         return above
+    # Level approaches, the one that leads straightest away from the arm first.
     for direction in _level(way, handle, middle - base.position):
         found = _grasp_along(direction, arm, handle, around, base)
         if found is not None:
@@ -153,13 +158,17 @@ def handle_grasp(
 
 
 def _level(way: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]:
-    """Level directions (3,), unit, along and across the way (3,) of a handle and each of its parts where these are
-    narrowest, that lead `away` (3,) from the arm, most so first."""
+    """Level unit directions (3,) of an approach to a handle.
+
+    They are along and across the handle's motion `way` (3,), and along and across the narrowest width
+    of each of its parts. They lead `away` (3,) from the arm, sorted by the cosine to it.
+    """
     angles = [float(np.arctan2(way[1], way[0])), *(_narrowest(shape) for shape in handle)]
     turns = np.add.outer(angles, np.arange(4) * np.pi / 2).ravel()
     whole = np.unique(np.round(np.degrees(turns)) % 360.0)
     directions = np.radians(whole).astype(np.float64)
     found = np.column_stack([np.cos(directions), np.sin(directions), np.zeros(len(whole))])
+    # Keep directions away from the arm, in descending order of the cosine.
     ahead = found @ away / float(np.linalg.norm(away))
     for i in np.argsort(-ahead, kind="stable").tolist():
         if ahead[i] > LEAST_AWAY:
@@ -168,6 +177,7 @@ def _level(way: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]
 
 def _narrowest(shape: Convex) -> float:
     """Angle (rad) of the level direction in which a shape is narrowest."""
+    # Width in each direction: extent of the projections, in steps of 1°.
     grid = np.radians(np.arange(180))
     along = shape.points[:, :2] @ np.array([np.cos(grid), np.sin(grid)])
     return float(grid[np.argmin(np.ptp(along, axis=0))])
@@ -180,8 +190,11 @@ def _grasp_along(
     around: Sequence[Array],
     base: Pose,
 ) -> Grasp | None:
-    """The grasp of a hand that comes along a level `direction` (3,), unit; None where it does not fit, or is out of
-    reach."""
+    """The grasp of a hand that approaches along a level unit `direction` (3,).
+
+    None if it does not fit, or is out of reach.
+    """
+    # Rotate the scene so that the approach points down, and derive a top-down grasp.
     frame = Pose.turn(-np.pi / 2 * np.array([-direction[1], direction[0], 0.0]))
     turned = [Convex(shape.points @ frame.rotation, shape.edges) for shape in handle]
     obstacles = [Obstacle.of(points @ frame.rotation) for points in around]
@@ -190,7 +203,8 @@ def _grasp_along(
     found = derive_grasp(arm, turned, obstacles, yaw, frame.inverse() @ base)
     if found.problem:
         return None
-    # Of both ways round that within reach, at the handle and behind it, that turns the wrist less.
+    # Of the grasp and its half turn, take the reachable one with the smaller turn of the wrist.
+    # Both the handle and the retreat must be in reach.
     reached: list[tuple[float, Pose]] = []
     for pose in (frame @ found.pose, frame @ found.pose @ HALF_TURN):
         back = pose.translate(-RETREAT * direction)
@@ -205,23 +219,27 @@ def _grasp_along(
 def front_of(
     arm: RobotDescription, name: str, pose_world_tcp: Pose, base: Pose
 ) -> dict[str, Array]:
-    """Joint configurations (7,), rad, by which a level hand comes to a pose in front of a fixture: first the wrist
-    turns, as the arm is at home, then the arm moves. (Stretched, with a wrist in line, it could not feel a contact.)
+    """Joint configurations (7,), rad, on the way of a level hand to a pose in front of a fixture.
+
+    First the wrist turns with the arm at home, then the arm moves. A stretched arm with its wrist in
+    line could not detect a contact.
     """
     front = configuration(arm, base.inverse() @ pose_world_tcp)
     return {f"{name}_level": np.array([*arm.home[:5], *front[5:]]), f"{name}_front": front}
 
 
 def points_down(pose_world_tcp: Pose) -> bool:
-    """True for a hand that is not level."""
+    """True for a hand that points down, and is not level."""
     return bool(pose_world_tcp.rotation[2, 2] < DOWN)
 
 
 def fixtures_without_grasp(
     bodies: Mapping[str, BodyDescription], held: Mapping[str, Grasp], given: Collection[str]
 ) -> dict[str, str]:
-    """Fixtures that the hand cannot grasp, without a grasp `given`, that have no geom called a handle; with the
-    reason."""
+    """Fixtures without a graspable handle, with the reason.
+
+    They have no `given` grasp and no geom with a name of a handle, and the hand fits none of their geoms.
+    """
     why = (
         "; none of its colliding geoms is called a handle (handle, knob, grip, latch, lever), so that all of them "
         "were tried: name one, or give a grasp in poses.yaml"

@@ -26,12 +26,14 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 GUESS = 0.055
-"""m: largest error of the height of a surface of unknown height: the documented 50 mm, and 5 mm for
-poses and for the touch."""
+"""m, largest error of the believed height of a surface of unknown height.
+
+It is the documented 50 mm, plus 5 mm for poses and for the touch.
+"""
 INSIDE = 0.001
-"""m: a body within an object's height that begins this far above its bottom stands on or in it."""
+"""m above an object's bottom from which a body within its height rests on it or in it."""
 BELOW = 0.05
-"""m: largest depth of a named pose below the top of its surface."""
+"""m, largest depth of a named pose below the top of its surface."""
 
 TEMPORARY = "_temporary"
 
@@ -40,8 +42,11 @@ PoseOf = Callable[[str], Pose]
 
 
 def apply_measurement(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Scene:
-    """The scene after a measurement: a surface of measured height, and what stands on it, is moved; a
-    scene from a picture is fitted again."""
+    """The scene after a measurement.
+
+    A surface of measured height is moved, and all bodies on it with it. A scene from a picture is
+    fitted again.
+    """
     if parameter.quantity != "height" or parameter.object not in scene.surfaces:
         return scene
     if scene.refit is not None:
@@ -56,8 +61,10 @@ def moves(scene: Scene, parameter: Parameter) -> bool:
 
 
 def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
-    """The scene with its surfaces at the heights measured in a trace, for estimates of the objects on
-    them."""
+    """The scene with its surfaces at the heights measured in a trace.
+
+    Estimates of the objects on them need these heights.
+    """
     if scene.refit is not None:
         return scene
     heights = [Parameter(name, "height") for name in scene.surfaces]
@@ -67,8 +74,10 @@ def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
 
 
 def untouchable_reason(scene: Scene, name: str) -> str | None:
-    """Reason, with a remedy, why an object must not be touched: its surface was measured too far from
-    the guessed height; else None."""
+    """Reason, with a remedy, why an object must not be touched; else None.
+
+    Its surface was measured too far from the guessed height.
+    """
     rise = scene.rises.get(name, 0.0)
     if abs(rise) <= GUESS:
         return None
@@ -94,8 +103,9 @@ def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> S
 
 
 def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
-    """The scene with the top of a surface, and what stands on it, moved to world z `top`, m."""
+    """The scene with the top of a surface at world z `top`, m, and the bodies on it moved with it."""
     rises = risen(scene, surface, top, lambda name: scene.bodies[name].pose_world)
+    # Move the bodies, and the poses at rest to which they would tip.
     bodies = dict(scene.bodies)
     for name, rise in rises.items():
         body, up = bodies[name], Pose.of((0.0, 0.0, rise))
@@ -108,6 +118,7 @@ def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
             tipped=up @ body.tipped @ up.inverse(),
             known=known,
         )
+    # Move the named poses with their bodies, or with the surface below them.
     places = dict(_places(scene, rises))
 
     def lift_pose(name: str, pose: Pose) -> Pose:
@@ -115,7 +126,7 @@ def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
         return pose.translate((0.0, 0.0, places.get(name, of_subject)))
 
     symbols = scene.symbols.moved(lift_pose)
-    whole = dict(scene.rises)  # a surface may be measured more than once
+    whole = dict(scene.rises)  # rises add up: a surface may be measured more than once
     for name, rise in rises.items():
         whole[name] = whole.get(name, 0.0) + rise
     return replace(
@@ -128,9 +139,11 @@ def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
 
 
 def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None = None) -> Scene:
-    """The scene with a body, and the named poses that belong to it, moved by `step` in the world, and as sure as a
-    `covariance` (6, 6) says, if one is given. A place where it is put down meanwhile stays: only its height
-    follows."""
+    """The scene with a body and its named poses moved by `step` in the world.
+
+    A given `covariance` (6, 6) replaces that of the body's pose. A temporary place stays, and only its
+    height follows.
+    """
     body = scene.bodies[name]
     there = step @ body.pose_world
     moved = replace(
@@ -155,11 +168,13 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
 
 
 def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, float]:
-    """Rise, m, of a surface whose top moves to world z `top`, m, and of each body on it, at the poses
-    of `pose_of`. The bottom of an object directly on it moves to `top`; an object stacked on another
-    keeps its place on it."""
+    """Rise, m, of a surface and of each body on it, with the surface's top moved to world z `top`, m.
+
+    Bodies are at the poses of `pose_of`. The bottom of an object directly on the surface moves to
+    `top`. An object stacked on another one keeps its place on it.
+    """
     found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
-    # From the lowest bottom upwards: a support is raised before what stands on it.
+    # In the order of their bottoms, so that a support is raised before the bodies on it.
     for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
         base = _support(scene, other, pose_of)
         if other.name in found or base is None or base.name not in found:
@@ -185,7 +200,7 @@ def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
 
 
 def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
-    """The highest object that a body stands on, else the highest surface."""
+    """The highest object below and in contact with a body, else the highest such surface."""
     below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
     carriers = [base for base in below if base.role == "object"] or below
     return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)
@@ -195,6 +210,7 @@ def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
     if other.name == base.name or (other.role, base.role) == ("surface", "object"):
         return False
     pose, below = pose_of(other.name), pose_of(base.name)
+    # The centre must be over the base, and the bottom at its top.
     x, y, _ = pose.apply(other.centre).tolist()
     bottom, top = other.bottom_z(pose), base.top_z(below)
     if not base.covers(x, y, below) or bottom < base.bottom_z(below) + INSIDE:
@@ -204,8 +220,11 @@ def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
 
 
 def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-    """Yield named poses without an object or surface, and temporary poses, which may be on another
-    surface, with the rise of the surface below each, m."""
+    """Yield poses with the rise, m, of the surface below each.
+
+    They are named poses without an object or surface, and temporary poses, which may be on another
+    surface.
+    """
     for name, pose in scene.symbols.poses.items():
         if name in scene.symbols.subjects and not name.endswith(TEMPORARY):
             continue
@@ -220,11 +239,11 @@ def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, flo
         yield name, 0.0 if support is None else rises.get(support.name, 0.0)
 
 
-# Loading of a scene from a file or from text.
+# Loading of a scene from a file or text.
 
 
 NOTHING = Catalogue(())
-"""Catalogue of a simulated world: nothing in it is unknown, so that no prior fills it."""
+"""Catalogue of a simulated world: no quantity is unknown, so no prior is used."""
 
 
 def load_scene(
@@ -239,9 +258,9 @@ def load_scene(
 
     Args:
         arm: arm of the plans; None for the default.
-        quantities: all installed ones unless given.
-        root: folder outside of which no file is read; by default the nearest common folder of the
-            scene and its files.
+        quantities: catalogue of quantities; by default all installed ones.
+        root: no file outside this folder is read; by default the nearest common folder of the scene
+            and its files.
         robot_body: root bodies of the scene's own robots, or `none`; by default they are found.
 
     Raises:
@@ -262,8 +281,9 @@ def parse_scene(
     quantities: Catalogue | None = None,
     robot_body: Sequence[str] = (),
 ) -> Scene:
-    """Read a scene as `load_scene`, from text; relative file names start at `folder`, `poses` are
-    YAML or parsed.
+    """Read a scene from text, as in `load_scene`.
+
+    Relative file names start at `folder`. `poses` are YAML or parsed.
 
     Raises:
         InputError: as `load_scene`.
@@ -274,8 +294,9 @@ def parse_scene(
 
 
 def as_world(scene: Scene) -> Scene:
-    """The scene as a simulated world, exactly as MuJoCo compiles it: what it leaves out has MuJoCo's
-    default, and nothing in it is unknown.
+    """The scene as a simulated world, exactly as MuJoCo compiles it.
+
+    Values that it leaves out have MuJoCo's defaults, and no value is unknown.
 
     Raises:
         InputError: a value is written `?`.
@@ -290,7 +311,8 @@ def as_world(scene: Scene) -> Scene:
 def scene_from_text(
     text: str | Texts, like: Scene, elsewhere: Mapping[str, Pose] | None = None
 ) -> Scene:
-    """Read another version of a scene's MJCF (its twin), with the same folder, poses and arm;
+    """Read another version of a scene's MJCF, e.g. its twin, with the same folder, poses and arm.
+
     `elsewhere` are new poses of body frames in the world.
 
     Raises:
@@ -314,8 +336,11 @@ def replace_objects(scene: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
 
 
 def rearrange(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
-    """The scene with new `poses` of body frames in the world; measured heights of its surfaces are
-    kept."""
+    """The scene with new `poses` of body frames in the world.
+
+    Measured heights of its surfaces are kept.
+    """
+    # Read the scene at its given heights, then raise the surfaces to the measured ones.
     given = scene_from_text(scene.text, scene, level(scene, poses))
     for surface in [name for name in scene.rises if name in scene.surfaces]:
         given = raise_surface(given, surface, scene.body(surface).top_z())

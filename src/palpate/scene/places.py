@@ -13,14 +13,16 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.sheet import Reach
 
 MARGINS = (0.06, 0.04, 0.02, 0.005)
-"""m: margins between hand and nearest object; the largest that leaves a free spot is used."""
+"""m, margins between hand and nearest object; the largest one that leaves a free spot is used."""
 
 APPROACH = 0.10
 """m: height of a surface's approach pose above it."""
 
 GUESSED = 0.05
-"""m: largest error of the guessed z of a surface of unknown height. Until it is touched, motions keep
-this clearance from it and from what stands on it."""
+"""m, largest error of the guessed z of a surface of unknown height.
+
+Until it is touched, motions keep this clearance from it and from the bodies on it.
+"""
 
 STEP = 0.02
 """m: spacing of the grid of candidate spots."""
@@ -33,7 +35,7 @@ TOUCHING = 0.012
 
 
 def reachable(reach: Reach, spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:
-    """(n,) True where the TCP, tool down, reaches `spots` (n, 2) at height `z`; a quick estimate."""
+    """Mask (n,) of the `spots` (n, 2) at height `z` that the TCP reaches, tool down; a quick estimate."""
     local = (np.column_stack([spots, np.full(len(spots), z)]) - base.position) @ base.rotation
     # Distance and azimuth from the base's axis: the arm reaches ahead, and 100° to either side.
     flat = np.hypot(local[:, 0], local[:, 1])
@@ -54,12 +56,13 @@ def free_spot(
     z: float,
     base: Pose,
 ) -> tuple[Array, float] | None:
-    """The best spot (2,) where `shape` is clear of the obstacles and `footing` is on the surface, and
-    its margin, m; None if none is in reach.
+    """The best spot (2,) with its margin, m; None if none is in reach.
 
-    `shape` and `footing` are (k, 2) about the spot, `top` (n, 3) the points of the surface. The best
-    spot is near to `near` and to the arm's preferred distance, and not at the edge.
+    `shape` must be clear of the obstacles, and `footing` on the surface. Both are (k, 2) about the
+    spot; `top` (n, 3) are the points of the surface. The best spot is near `near` and the arm's
+    preferred distance, and not at the edge.
     """
+    # Largest margin of `MARGINS` that at least one reachable spot keeps.
     spots = _grid(footing, top, near)
     spots = spots[reachable(reach, spots, z, base)]
     room = clearance(shape, spots, obstacles)
@@ -93,14 +96,17 @@ def approach_pose(
     clear: float,
     base: Pose,
 ) -> Pose | None:
-    """TCP pose `clear` m above a free spot of the surface with points `top`, near its `objects`
-    ((n, 3) each), with the hand clear of `others`; of two yaws, 90° apart, the one with more margin."""
+    """TCP pose `clear` m above a free spot of a surface.
+
+    The surface has the points `top`. The spot is near its `objects`, (n, 3) each, and the hand is clear
+    of `others`. Of two yaws, 90° apart, the one with the larger margin is taken.
+    """
     height = float(top[:, 2].max())
     obstacles = above(others, height + 0.002)
     near = _middle(arm.reach, top, objects, base)
     turn = float(np.arctan2(base.rotation[1, 0], base.rotation[0, 0]))
     open_tips = arm.hand.opening / 2 + arm.hand.finger
-    # Both open fingertips should touch the surface; on a narrow one, only closed ones can.
+    # Both open fingertips should touch the surface. On a narrow surface only closed ones can.
     for half_span in (open_tips, TOUCHING):
         found: list[tuple[float, Pose]] = []
         for yaw in (turn, turn + np.pi / 2):
@@ -125,8 +131,11 @@ def approach_pose(
 
 
 def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:
-    """Start of the search: the mean of the objects' middles, else the surface's middle, or on a large
-    surface the part in front of the arm."""
+    """Start (2,) of the search, m.
+
+    It is the mean of the objects' middles. Without objects it is the surface's middle or, on a large
+    surface, the part in front of the arm.
+    """
     if objects:
         middles = [(cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2 for cloud in objects]
         return np.mean(middles, axis=0)

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Scene:
-    """An incomplete simulation description with the poses that came with it.
+    """An incomplete simulation description, and the poses given with it.
 
     Attributes:
         text: the user's MJCF, byte for byte as read (decoded utf-8).
@@ -38,9 +38,8 @@ class Scene:
         gravity: magnitude, m/s^2.
         priors: prior mean of every missing quantity.
         resolved: the file with beliefs, for `spec` and the twin.
-        refit: of a scene from a picture: fit it again to the measured height of a surface, m.
-        rises: height minus given height, m, of each surface that was measured and of what stands
-            on it.
+        refit: fits a scene from a picture again to the measured height of a surface, m; else None.
+        rises: height minus given height, m, of each measured surface and of the bodies on it.
         as_given: the scene before any height was measured; None if it is this one.
     """
 
@@ -60,7 +59,7 @@ class Scene:
     objects: Mapping[str, Body] = field(init=False)
     """Bodies with a free joint."""
     surfaces: Mapping[str, Body] = field(init=False)
-    """Static bodies that carry things."""
+    """Static bodies with a level top that can carry objects."""
     fixtures: Mapping[str, Body] = field(init=False)
     """Bodies with a slide or hinge joint: drawers, doors, windows."""
 
@@ -111,7 +110,7 @@ class Scene:
 
     @property
     def missing(self) -> tuple[Parameter, ...]:
-        """All parameters that the MJCF does not state, in document order ("everything missing")."""
+        """All parameters that the MJCF does not state, in document order."""
         found: list[Parameter] = []
         for body in self.bodies.values():
             ids = [id for id in self.catalogue if id in body.missing]
@@ -119,8 +118,10 @@ class Scene:
         return tuple(found)
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
-        """The scene as an editable model without any robot, unknowns from `values`, else from
-        priors."""
+        """The scene as an editable model without any robot.
+
+        Unknowns are taken from `values`, and otherwise from the priors.
+        """
         return self.resolved.spec(values or {})
 
     def spec_with(self, robot: mujoco.MjSpec) -> mujoco.MjSpec:
@@ -130,6 +131,7 @@ class Scene:
             InputError: the robot cannot be attached to the scene.
         """
         spec = self.spec()
+        # Keyframes do not fit a model with further joints.
         for key in list(spec.keys):
             spec.delete(key)
         base = self.pose_world_base

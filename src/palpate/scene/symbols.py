@@ -2,18 +2,20 @@
 
 Names are from the scene and `poses.yaml`; others are derived from the geometry:
 
-- `<object>_pose`: TCP pose of a top-down grasp; `<object>_temporary`: TCP pose at which the object,
-  grasped there, stands on a free spot of its surface; `<object>_across`: the grasp turned by 90°,
-  where that fits; `<object>_top`: TCP pose above its top.
-- `<object>_balance`: the grasp moved along the tool's x by up to two x_offsets to the balance point,
-  as believed, or as measured before the first motion to it.
+- `<object>_pose`: TCP pose of a top-down grasp.
+- `<object>_temporary`: TCP pose at which the grasped object rests on a free spot of its surface.
+- `<object>_across`: the grasp turned by 90°, if that fits.
+- `<object>_top`: TCP pose above the object's top.
+- `<object>_balance`: the grasp moved along the tool's x by up to two x_offsets to the balance point.
+  The point is the believed one, or the one measured before the first motion to it.
 - `<surface>_approach`: TCP pose above a free spot of the surface.
-- `home_config`: joint configuration, the arm's own unless poses.yaml states another; `<fixture>_front`,
-  `<fixture>_level`: with a level hand in front of a handle that is grasped so, and, on the way there, with the arm
-  still at home.
-- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal, such that twice the
-  offset is still on the object where possible; `z_offset`: along world z, such that the object clears
-  its neighbours; at a handle, which is not lifted, straight back from it.
+- `home_config`: joint configuration; the arm's own unless poses.yaml states another.
+- `<fixture>_front`: joint configuration of a level hand in front of a handle.
+- `<fixture>_level`: configuration on the way there, with a level hand and the arm still at home.
+- `x_offset`, `y_offset`: along the tool's x and y at the base pose, horizontal. Twice the offset is
+  still on the object if possible.
+- `z_offset`: along world z, such that the object clears its neighbours. At a handle, which is not
+  lifted, it is straight back.
 """
 
 from __future__ import annotations
@@ -32,14 +34,14 @@ from palpate.common.pose import Array, Pose, PoseLine
 from palpate.scene.poses import Poses
 
 MAX_EXPRESSION = 200
-"""Most characters of a pose expression."""
+"""Largest number of characters of a pose expression."""
 
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
     "x_offset": (0.05, 0.0, 0.0),
     "y_offset": (0.0, 0.05, 0.0),
     "z_offset": (0.0, 0.0, 0.12),
 }
-"""m: for poses without an object."""
+"""m, offsets at poses without an object."""
 
 _FACTOR = r"\(?([-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\)?"
 _TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
@@ -73,11 +75,11 @@ class Symbols:
 
     Attributes:
         poses: TCP poses in the world by name.
-        subjects: pose name to its object or surface.
+        subjects: object or surface by name of the pose.
         configurations: joint configurations by name, (7,) rad.
-        offsets: offset name to vector (3,) m: tool x, tool y, world z; for any pose.
-        own_offsets: object to its own offsets, which take precedence.
-        ungraspable: object to the reason why the hand cannot grasp it.
+        offsets: vectors (3,), m, by name of the offset: tool x, tool y, world z; for any pose.
+        own_offsets: offsets of single objects, which take precedence, by object.
+        ungraspable: reason why the hand cannot grasp an object, by object.
         later: functions that compute poses at first use, by name.
         lines: poses whose position on a line is measured in a run, by name.
         handles: names of poses at the handles of fixtures: offsets are along the tool's own axes there.
@@ -116,7 +118,7 @@ class Symbols:
 
     @cached_property
     def usable(self) -> frozenset[str]:
-        """Names of the poses that there are: with room where one is searched, and fitting the hand."""
+        """Names of all poses that exist: searched poses need free room and must fit the hand."""
         found = {name for name in self.later if self._later(name) is not None}
         return frozenset({*self.poses, *self.lines, *found})
 
@@ -140,6 +142,7 @@ class Symbols:
             raise InputError(
                 f"pose expression of {len(expression)} characters; at most {MAX_EXPRESSION}"
             )
+        # A name, then terms: sign, optional factor, offset.
         text = expression.strip()
         name, rest = self._leading_name(text)
         terms: dict[str, float] = {}
@@ -165,8 +168,10 @@ class Symbols:
         return self._read[expression]
 
     def found_out(self, expression: str) -> str | None:
-        """Name of the pose in an expression if its position is measured in a run; else, or if the
-        expression is invalid, None."""
+        """Name of the pose in an expression if its position is measured in a run.
+
+        None for other poses, or for an invalid expression.
+        """
         try:
             name = self.parse(expression).name if self.lines else None
         except InputError:
@@ -176,8 +181,9 @@ class Symbols:
     def resolve(
         self, expression: str | PoseExpression, bound: Mapping[str, float] | None = None
     ) -> Pose:
-        """TCP pose in the world of an expression; `bound` are measured positions of poses on their
-        lines, m.
+        """TCP pose of an expression in the world.
+
+        `bound` are measured positions of poses on their lines, m.
 
         Raises:
             InputError: as `parse`; no room for a temporary pose; or a position outside its line.
@@ -185,7 +191,7 @@ class Symbols:
         parsed = self._parse(expression)
         if parsed.name in self.lines:
             return self._apply_offsets(parsed, self.pose(parsed.name, bound))
-        # One pose for each expression: what is computed of it is kept with it.
+        # One pose object for each expression, so that results cached by pose are found again.
         if parsed not in self._resolved:
             self._resolved[parsed] = self._apply_offsets(parsed, self.pose(parsed.name))
         return self._resolved[parsed]
@@ -194,6 +200,7 @@ class Symbols:
         """A pose with the offsets of an expression."""
         if not parsed.terms:
             return base
+        # Sum of the terms in tool axes, converted to world axes once.
         shift = np.zeros(3)
         for coefficient, offset in parsed.terms:
             shift = shift + coefficient * self.offset(offset, parsed.name)
@@ -244,10 +251,10 @@ class Symbols:
         return in_hand(base, offset) if name in self.handles else in_world(base, offset)
 
     def moved(self, to: Callable[[str, Pose], Pose]) -> Symbols:
-        """The symbols with every pose where `to`, of its name and of the pose, has it."""
+        """The symbols with every pose replaced by `to(name, pose)`."""
 
         def found_later(name: str) -> Pose | None:
-            # Computed in the scene as given, then moved.
+            # Compute the pose in the scene as given, then move it.
             pose = self._later(name)
             return None if pose is None else to(name, pose)
 
@@ -305,7 +312,7 @@ class Symbols:
 
     @cached_property
     def _aliases(self) -> dict[str, str]:
-        """`hammer` for `hammer_pose`, unless another pose has that name."""
+        """Short names of grasp poses: `hammer` for `hammer_pose`, unless another pose has that name."""
         aliases: dict[str, str] = {}
         for subject in self.subjects.values():
             pose = f"{subject}_pose"
@@ -323,7 +330,10 @@ class Symbols:
 
 
 def in_world(base: Pose, shift: Array) -> Array:
-    """A shift (3,) along tool x and tool y, projected to the horizontal, and world z, in world axes."""
+    """Convert a shift (3,) along tool x, tool y and world z into world axes.
+
+    The tool axes are projected to the horizontal.
+    """
 
     def level(axis: Array) -> Array:
         flat = np.array([axis[0], axis[1], 0.0])
@@ -336,7 +346,10 @@ def in_world(base: Pose, shift: Array) -> Array:
 
 
 def in_hand(base: Pose, shift: Array) -> Array:
-    """A shift (3,) along tool x, tool y and against tool z, in world axes; pointing down, as `in_world`."""
+    """Convert a shift (3,) along tool x, tool y and negative tool z into world axes.
+
+    For a hand that points down, the result equals that of `in_world`.
+    """
     return base.rotation @ (shift * [1.0, 1.0, -1.0])
 
 
@@ -348,6 +361,7 @@ def vectors(entries: Mapping[str, float | Iterable[float]]) -> dict[str, Array]:
 def _vector(name: str, value: float | Iterable[float]) -> Array:
     if not isinstance(value, int | float):
         return np.array(list(value), dtype=float)
+    # A single number is a length along the axis that the name begins with.
     axis = "xyz".find(name[0])
     if axis < 0 or not name.endswith("_offset"):
         raise InputError(
@@ -358,7 +372,7 @@ def _vector(name: str, value: float | Iterable[float]) -> Array:
 
 
 def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, Array]]]:
-    """Offsets of poses.yaml, (3,) m: those for every pose, and by object its own."""
+    """Offsets of poses.yaml, (3,), m: common ones by name, and own ones by object."""
     common: dict[str, Array] = {}
     own: dict[str, dict[str, Array]] = {}
     for name, value in poses.offsets.items():
