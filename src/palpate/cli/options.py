@@ -89,8 +89,7 @@ class FromSettings:
 
     Attributes:
         names: fields, with a dot before those of a nested one, `model_settings.base_url`; the name
-        of
-            a nested one alone includes all of its options.
+            of a nested one alone includes all of its options.
         defaults: values of fields that differ from those in the settings.
     """
 

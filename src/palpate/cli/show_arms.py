@@ -263,6 +263,7 @@ def _picture(png: bytes) -> Path:
 
 
 def _poses(seen: Seen) -> Table:
+    # Objects with position and rotation, surfaces with their height only.
     table = figure_table("object", "place (m)", "± (mm)", "turn ± (°)", no_wrap=True)
     for name, pose in seen.poses.items():
         place, turn = seen.std(name)

@@ -203,6 +203,7 @@ def _row_cells(row: ConfigurationRow) -> list[Cell]:
 
 
 def _row_json(row: ConfigurationRow) -> dict[str, Any]:
+    # A rate of success exists only for judged trials.
     rates: dict[str, Rate] = {"syntax": row.syntax, "valid": row.valid}
     if row.success:
         rates["success"] = row.success

@@ -130,6 +130,7 @@ def accuracy(
     from palpate.studies.accuracy import Question
     from palpate.studies.efficiency import comparable
 
+    # Resolve paths here: a worker has another working directory.
     chosen = comparable() if every else names or ["bottle_and_table"]
     asked = settings_of(**given)
     changes = given | {"within": asked.within}

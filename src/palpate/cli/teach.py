@@ -99,6 +99,7 @@ def _enter_by_hand(taught: Lesson, hand: GuidedHand, name: str) -> str:
 
 def _enter_by_ruler(taught: Lesson, line: str) -> str:
     name, _, rest = line.partition(" ")
+    # Two lengths and at most one angle, and nothing else.
     numbers = _NUMBER.findall(rest)
     if len(numbers) not in (2, 3) or _NUMBER.sub("", rest).strip(" ,"):
         raise InputError(f"'{line[:80]}' is not NAME AHEAD LEFT [TURN], e.g. bottle 50cm -12cm 30°")

@@ -138,6 +138,7 @@ def _against(side: _Side, amount: _Side, less: bool, asked: Sequence[str], unit:
 
 def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
     """Sum the sides before "than" and those after it."""
+    # Sides after "than" belong to the second sum.
     than = asked.index("than") if "than" in asked else len(asked)
     sums: dict[bool, _Side] = {}
     for side in sides:
@@ -157,6 +158,7 @@ def _word_answer(
     else no.
     """
     figures = f"{first} against {second}{unit}"
+    # Beyond the threshold the order stays open.
     chance = tails * _chance(first, second)
     if chance > UNCERTAIN:
         return f"open: {figures}, too close to tell (p {chance:.2g})"
@@ -168,6 +170,7 @@ def _word_answer(
 
 def _stated_objects(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
     """Objects named in the request whose value the scene states."""
+    # Measured values take precedence over stated ones.
     measured = {estimate.parameter.object for estimate in run.estimates}
     found: list[_Side] = []
     for name, body in run.scene.bodies.items():
@@ -182,6 +185,7 @@ def _subject(compared: Sequence[_Side], asked: Sequence[str]) -> str | None:
 
     None in other requests, and if the names are incomplete there, which leaves the sides uncertain.
     """
+    # The subject is the only side before "than".
     places = {each.name: _place(each.name.split(" and ")[0], asked) for each in compared}
     than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
     if than is None or len(compared) > 2:
@@ -208,6 +212,7 @@ def _std(first: _Side, second: _Side | None = None) -> float:
     """Standard deviation of the first side, or of its difference from the second. Errors that both
     share cancel.
     """
+    # Variance of a weighted sum with weights +1 and -1.
     plus, minus = first.estimates, second.estimates if second is not None else ()
     if not (plus or minus):
         return 0.0

@@ -101,8 +101,7 @@ class Plan(InnerPlan):
             seed: of everything random in it.
             on_failure: reaction to a failed action: `stop`, `skip` or `replan`.
             rehearse: execute in simulation first; None means before a real robot moves, and for
-            plans
-                of models, files and own planners. False is for the embedded arm only.
+                plans of models, files and own planners. False is for the embedded arm only.
             within: half widths of 95 % intervals to reach; None keeps those of the plan.
             fast: leave out film and replay in the twin, which take longest and measure nothing.
             confirm: called with the run before a real robot moves; True allows the motion.
@@ -120,6 +119,7 @@ class Plan(InnerPlan):
             Unavailable: no such robot.
             ExecutionAborted: not confirmed, or interrupted before anything moved.
         """
+        # A world that is given as a scene becomes a cell.
         begun = self.made
         world = hidden_world(world, begun.settings)
         if isinstance(world, InnerScene):
@@ -215,7 +215,7 @@ class Scene(InnerScene):
             images: pictures of the workspace, for a model.
             remeasure: measure requested quantities even if the scene states them.
             within: half widths of 95 % intervals to reach, `{"mass": "1g", "bottle.height":
-            0.001}`.
+                0.001}`.
             model_settings: settings of the requests, if the planner is a model.
 
         Returns:
@@ -358,11 +358,10 @@ def run(
         planner: as `Scene.plan`.
         options: as `load`: `poses`, `arm`, `cautious`, `robot_config`, `root`, `robot_body`; as
             `Scene.plan`: `measure`, `images`, `remeasure`, `within`, `model_settings`; as
-            `Plan.run`: `seed`,
-            `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`, `out`, `confirm`,
-            `observer`, `progress`; as `see`: `camera`, `intrinsics`, `pose_estimator`, a look
-            before
-            the run. Its poses replace those of the scene, in `run.scene` and already for `confirm`.
+            `Plan.run`: `seed`, `noise`, `world`, `robot`, `cell`, `on_failure`, `rehearse`, `fast`,
+            `out`, `confirm`, `observer`, `progress`; as `see`: `camera`, `intrinsics`,
+            `pose_estimator`, a look before the run. Its poses replace those of the scene, in
+            `run.scene` and already for `confirm`.
 
     Returns:
         The finished run, in memory; with `out=` also in a folder.

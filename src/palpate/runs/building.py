@@ -96,6 +96,7 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
 
     plan, scene, q = part
     arm = measured_arm(scene.arm)
+    # A robot without noise, with coarser physics and ticks than an execution.
     robot = MujocoRobot(world.spec(), scene.pose_world_base, arm, substeps=REPLAY_SUBSTEPS, q=q)
     with interrupts() as signals, signals.raised():
         done = perform(plan, scene, robot, noiseless=True, tick_period=REPLAY_PERIOD)
@@ -114,6 +115,7 @@ def replay_of(
         trace: of its execution.
         estimates: known to later parts of the plan.
     """
+    # Cut the plan into independent parts, which run in parallel.
     nodes = [leaf.node for leaf in trace.leaves]
     if len(set(nodes)) < len(nodes):  # a node ran twice: no part of one plan covers that
         return partial(replay_parts, [PlanPart(plan, scene)])
@@ -174,6 +176,7 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
     These are the motions after `since` and before the recording, or else the first one after it. If
     no motion is after `since`, all are candidates.
     """
+    # Forces are compared with those of the empty hand at the same pose.
     empty: list[LeafRun] = []
     if recording.buffer == FORCES:
         every = list(empty_motions(trace, recording))
@@ -190,6 +193,7 @@ def _is_certain(body: Body) -> bool:
 
 def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[Estimate]) -> Scene:
     """Scene with everything known at robot time `before`, s."""
+    # Apply the estimates that were converted before that time.
     state = SymbolicState(scene)
     for estimate in estimates:
         converted = trace.converted(estimate.parameter)
@@ -244,6 +248,7 @@ def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
     asked = {parameter.object for parameter in made.plan.parameters if parameter.quantity == "size"}
     if trace is None:
         return []
+    # Objects with a measured size as a request need no second one.
     unsure = [body for body in scene.objects.values() if body.seen and body.name not in asked]
     found = [size_on_the_way(sound(trace), body) for body in unsure]
     return [size for size in found if size is not None]

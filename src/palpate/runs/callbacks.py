@@ -56,11 +56,11 @@ class RunCallbacks:
         progress: called with the name of the stage that begins.
         may_move: called with the run before a real robot moves; True allows the motion.
         may_measure: called with a run whose plan is a proposal; True measures the proposed
-        parameters.
+            parameters.
         may_resume: called with the reason why a real robot stopped; True lets it continue.
         measured: called with the run when its values are final, before twin, film and report.
         planned: called with the run before its plan for a real robot is rehearsed, to be read
-        meanwhile.
+            meanwhile.
         looked: called with the result of a look before the plan; True uses it.
     """
 

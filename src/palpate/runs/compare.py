@@ -141,6 +141,7 @@ def _rows(
 
 def _of_its_own_scene(source: Source) -> Source:
     """Rename the shared causes of a run of another scene: only those of the arm are common."""
+    # Causes of the scene get the name of the run, so that they do not cancel.
     shared: list[Shared] = []
     for one in source.estimate.shared:
         cause = one.cause if one.of == "arm" else f"{one.cause} of {source.run}"
@@ -150,6 +151,7 @@ def _of_its_own_scene(source: Source) -> Source:
 
 def comparison_json(comparison: Comparison) -> dict[str, Any]:
     """Comparison as JSON: scalars for quantities of one component, lists for the others."""
+    # The runs, then their estimates parameter by parameter.
     runs: list[dict[str, Any]] = []
     for name, run in zip(comparison.names, comparison.runs, strict=True):
         where = None if run.folder is None else str(run.folder.absolute())

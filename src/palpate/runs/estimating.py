@@ -135,6 +135,7 @@ def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
     """Digest of all data for the estimates of an object: its pose and known values in the scene,
     and its evidence.
     """
+    # Everything that an estimator reads of the object: pose, covariance, known values, recordings.
     body = scene.bodies[name]
     believed = (body.pose_world.vector, body.tipped.vector, body.covariance, dict(body.known))
     return sha256(pickle.dumps((believed, evidence))).digest()
@@ -168,8 +169,7 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
 
     Raises:
         InputError: the run has no trace, another version recorded it, its scene's file is missing,
-        or
-            there is no such estimator.
+            or there is no such estimator.
     """
     if made.folder is not None:
         from palpate.runs.read import require_own_version
@@ -205,6 +205,7 @@ def with_views(made: Run) -> Run:
     if trace is None or not made.scene.bodies or has_views:
         return made
     with suppress(PalpateError):
+        # Attach the views only to equal values.
         wanted = [one.parameter for one in made.estimates]
         found = estimate_all(wanted, trace, _as_felt(made, trace).bodies)
         same = [

@@ -135,6 +135,7 @@ def _live(source: str, made: Run) -> See:
     from palpate.perception.cameras import Stream
     from palpate.perception.look import look
 
+    # Open the stream once; every look takes its latest picture.
     settings = made.settings
     estimator = settings.pose_estimator
     stream = Stream(source, settings.intrinsics, estimator is not None)
@@ -156,6 +157,7 @@ def _simulated_looks(name: str, made: Run, cell: Cell) -> See:
     estimator, cameras = made.settings.pose_estimator, list[SimulatedCamera]()
 
     def see() -> Seen | None:
+        # Render the picture from the latest state of the simulation.
         footage = cell.footage()
         assert footage is not None
         assert footage.spec is not None
@@ -205,6 +207,7 @@ def execute(
         InputError: the workplace cannot be used.
         Unavailable: the robot, or the camera, is out of reach.
     """
+    # Connect camera and robot before the first motion.
     see = eye(made, cell)
     robot, before = robot_of(cell, callbacks.may_resume)
     callbacks.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
@@ -262,7 +265,7 @@ def perform(
         real: the robot is a real one.
         noiseless: the robot is a simulated one without noise.
         settled: corrects the symbolic state after a leaf of the plan, by the final poses of its
-        rehearsal.
+            rehearsal.
         see: looks at the scene after motions; a displaced object ends the run.
         tick_period: s of robot time between two ticks; the runner's by default.
     """
@@ -270,6 +273,7 @@ def perform(
     from palpate.execution.runner import TICK_PERIOD
     from palpate.execution.runner import run as run_tree
 
+    # Options that the first attempt and all repetitions share.
     attempt = partial(
         run_tree,
         observer=callbacks.observer,

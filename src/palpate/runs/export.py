@@ -27,6 +27,7 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
         Unavailable: the library that writes the format is not installed.
         PalpateError: the written file differs from the twin.
     """
+    # Write into a scratch folder: the export appears completely or not at all.
     chosen = require_format(to)
     if run.finished is None:
         raise InputError("this run has no twin to export: nothing was measured")
@@ -82,6 +83,7 @@ def prove_run(run: Run) -> Proof:
 
 def proof_json(proof: Proof) -> dict[str, Any]:
     """Content of `proof.json`; null means an object that tips over or falls."""
+    # Infinite errors become null.
     rows: list[dict[str, Any]] = []
     for row in proof.rows:
         errors = {"prior": row.prior, "twin": row.twin, "drawn": row.drawn}

@@ -50,6 +50,7 @@ def check_writable(path: Path) -> None:
         InputError: it exists or cannot be made.
     """
     _check_free(path)
+    # Write a file into the nearest existing parent.
     there = next(parent for parent in path.absolute().parents if parent.exists())
     try:
         trial = _scratch(there, path.name)
@@ -84,8 +85,7 @@ def new_folder(path: Path) -> Generator[Path]:
 
     Raises:
         InputError: `path` exists or cannot be made. If it was created meanwhile, the run is kept
-        next to
-            it.
+            next to it.
     """
     _check_free(path)
     # Make the scratch folder in the same parent, so that the rename is atomic.
@@ -151,6 +151,7 @@ def _scratch(parent: Path, name: str) -> Path:
 
 def _keep_scratch(scratch: Path, path: Path) -> Path:
     """Rename a scratch folder whose target was taken, so that `sweep` does not remove it."""
+    # Find a free name with a number.
     for i in range(2, 100):
         beside = path.with_name(f"{path.name}-{i}")
         try:

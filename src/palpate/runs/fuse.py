@@ -57,7 +57,8 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     """Fuse the estimates of each parameter and build the twin.
 
     Raises:
-        InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
+        InputError: fewer than two runs, runs that are not of one scene, or the same recordings
+            twice.
     """
     if len(runs) < 2:
         raise InputError("give two runs or more to fuse")

@@ -184,6 +184,7 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
     A mass is contradicted if it does not predict the weight in another motion. A centre of mass is
     contradicted if it does not predict the balance.
     """
+    # Find the test of each parameter.
     tests: dict[Parameter, FitTest] = {}
     for motion in held.motions:
         for test in motion.tests:
@@ -236,6 +237,7 @@ def cut_of(trace: Trace, name: str) -> HoldOut | None:
             lifts.append(HoldOut("", start, end, measured[0]))
     if not lifts:
         return None
+    # With several lifts, the last one as a whole is held out.
     last = lifts[-1]
     if len(lifts) > 1:
         return replace(last, words=f"the last of {len(lifts)} lifts of the {name}")
@@ -369,12 +371,15 @@ def tests_of(
 
 
 def curve_of(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
+    # Sort the bins by time: segments may overlap.
     order = np.argsort(found.t)
     std = np.sqrt(np.diag(found.covariance)).reshape(found.measured.shape)
+    # A robot with a wrench sensor has six signals instead of the joints.
     names = trace.hand.joints
     if len(found.measured) != len(names):
         names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
+    # Five decimals suffice for the plot.
     def rows(values: Array) -> tuple[tuple[float, ...], ...]:
         return tuple(tuple(row) for row in values[:, order].round(5).tolist())
 

@@ -54,6 +54,7 @@ class Keeper:
         Raises:
             InputError: it exists, or cannot be made or written.
         """
+        # Write plan and request first: `finish` needs them after a crash.
         run = replace(run, stage="executing", folder=self.folder)
         if self.folder is None:
             return run
@@ -152,6 +153,7 @@ class Keeper:
         """
         if self.folder is None:
             return
+        # Open the file with the first samples.
         if self._stream is None:
             self._stream = TraceStream(self.folder / TRACE, recorded.hand, recorded.gravity)
         self._stream.write(samples, recorded)

@@ -276,6 +276,7 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
 
 def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
     """Note the requested parameters that a plan of a model or a file omits without a reason."""
+    # Parameters with a stated reason are not omissions.
     explained = {parameter for one in answer.unmeasured for parameter in one.parameters}
     left_out = [one for one in wanted if one not in explained | set(answer.parameters)]
     if answer.tree is None or not left_out:

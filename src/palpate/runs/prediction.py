@@ -57,7 +57,7 @@ class Believed:
         value: (n,).
         covariance: (n, n) of errors that the motion does not share, without the gains.
         gains: (n, m) change of the value by one standard deviation of the gain of each of m
-        signals.
+            signals.
     """
 
     value: Array
@@ -107,6 +107,7 @@ class Predicted:
 
     def instead(self, wrench: Array) -> Predicted:
         """Predict the same motion for another `wrench` (3,) with the same covariance."""
+        # Only the expected part changes.
         expected = self.design @ wrench
         residual = self.measured.ravel() - expected
         return replace(self, expected=expected.reshape(self.measured.shape), residual=residual)
@@ -118,6 +119,7 @@ def known_value(
     """Convert the estimate made without the motion, else the value that the scene states; None
     without either.
     """
+    # A stated value counts as exact.
     if estimate is None and stated is not None:
         n = len(stated)
         return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
@@ -155,6 +157,7 @@ def lever_of(
 
     Without either, it is the centre that MuJoCo would infer, with the accuracy of a prior.
     """
+    # Pose of the body in the hand, from the recording.
     body, signals = scene.bodies[name], len(trace.hand.joints)
     pose_world_tcp = mean_pose(trace.of(recording))
     pose_world_body = pose_world_tcp @ pose_in_hand(trace, recording, body)
@@ -165,6 +168,7 @@ def lever_of(
     centre = known_value(fitted, body.known.get("com"), signals)
     if fitted is None or centre is None:
         place += accuracy(body, pose_world_tcp.rotation[:, 0]) ** 2 + trace.hand.tip_offset_std**2
+    # Without an estimate: MuJoCo's centre, with a share of the body's size as deviation.
     if centre is None:
         spread = COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = whole(scene.spec().compile(), name).com
@@ -205,6 +209,7 @@ def predict_segments(
         """A signal of all segments, bin by bin."""
         return np.concatenate([of(segment) for segment in segments])
 
+    # Equations of the motion and the empty hand together, so that they share their errors.
     rows = equations(replace(weighing, segments=segments), gravity)
     signals = int(rows.signal.max()) + 1
     loaded = bins(lambda s: np.full(len(s.t), s.loaded))
@@ -249,6 +254,7 @@ def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, sig
     # Joint friction: the hysteresis of Dahl's model, and the wrench that sticks at rest.
     dahl = JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5 * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck
+    # Sum of the white noise and drift, and of all independent causes.
     bias = rows.root @ rows.root.T
     for causes in (sideways, gained, dahl, stuck):
         bias += causes @ causes.T

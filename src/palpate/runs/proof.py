@@ -62,6 +62,7 @@ class Proved:
     @property
     def promise(self) -> tuple[float, float]:
         """Central 95 % of the errors that the twin's intervals allow."""
+        # Use the nearest sample: interpolation with an infinite error would give NaN.
         low, high = np.quantile(self.drawn, (0.025, 0.975), method="nearest").tolist()
         return low, high
 
@@ -201,6 +202,7 @@ class _Worlds(Generic[World]):
         return None
 
     def _carried_out(self, name: str, task: Task[World], action: float) -> Proved:
+        # The twin's plan in the draws gives its promise.
         drawn = errors(task, action, self.drawn)
         return Proved(
             name,
@@ -223,6 +225,7 @@ def errors(task: Task[World], action: float | None, worlds: Sequence[World]) -> 
 
 def _acts_on(scene: Scene, name: str, values: Values) -> bool:
     """True if a value belongs to an object or to one of its carriers."""
+    # A value of a support acts on the objects on it.
     carriers = {body.name for body in scene.bodies.values() if name in body.carries}
     return any(parameter.object in carriers | {name} for parameter in values)
 
@@ -231,6 +234,7 @@ def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, 
     """Standard deviations (n,) of each written value. The value may be a part of the estimate of
     another quantity.
     """
+    # Own estimates first, then parts of the estimates of other quantities.
     found = {each.parameter: each.stds for each in estimates}
     for parameter in values.keys() - found.keys():
         names = part_names(parameter.quantity, len(values[parameter]))
@@ -258,6 +262,7 @@ def drawn_worlds(
     Raises:
         InputError: fewer than `draws` worlds in `TRIES` times as many attempts.
     """
+    # Rejection sampling from independent normal distributions.
     worlds: list[World] = []
     for _ in range(TRIES * draws):
         drawn = {

@@ -53,6 +53,7 @@ def read_run(folder: Path, settings: Settings) -> Run:
     Raises:
         InputError: a file is missing or is not of a run.
     """
+    # A wrong type or a missing key anywhere means that it is not a run.
     result = read_json(folder / "result.json")
     settings = with_seen_poses(settings, folder)
     try:
@@ -184,6 +185,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
     Raises:
         ValueError: a standard deviation is negative.
     """
+    # Refuse impossible deviations before they reach a fusion.
     stds = _numbers(row["std"])
     if (stds < 0.0).any():
         raise ValueError(f"std of {row['object']}.{row['quantity']} is negative: {row['std']}")
@@ -283,6 +285,7 @@ def _twin(
 ) -> Twin | None:
     if document is None:
         return None
+    # The stored remarks and the validation stay as they are.
     xml = read_text(file)
     unwritten = [Parameter(name) for name in document.get("unwritten", ())]
     marks = _validation(document["validation"])

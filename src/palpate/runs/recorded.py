@@ -62,7 +62,7 @@ def estimate_recording(
 
     Raises:
         InputError: a file that cannot be used, an unknown object, or a window that the recording
-        does not have.
+            does not have.
         Unavailable: the library for the recording's format is not installed.
     """
     began, carrying = time.perf_counter(), recorded.carrying
@@ -115,6 +115,7 @@ def estimate_recording(
     # Request only the masses: the other quantities are by-products, if the motion excites them.
     asked = tuple(one for one in parameters if one.quantity == "mass")
     plan = Plan(asked, None, _explain_reading(recorded, len(logs[0])), RECORDING, tuple(notes))
+    # Make a run as if the plan had been executed: estimates, twin and report are the same.
     made = Run(
         replace(settings, robot=f"recording:{recorded.log.name}", noise="none"),
         scene,
@@ -155,6 +156,7 @@ def pose_text(pose: str) -> str:
     except ValueError:
         numbers = []
     turn = numbers[3:] or [1.0, 0.0, 0.0, 0.0]
+    # Three numbers are a position without rotation; a quaternion must not be zero.
     is_pose = len(numbers) in (3, 7) and np.isfinite(numbers).all() and any(turn)
     if not is_pose or max(map(abs, numbers[:3])) > FARTHEST:
         raise InputError(

@@ -56,20 +56,18 @@ def estimate(
 
     Args:
         log: CSV, NPZ, MCAP, rosbag2, a ROS bag or Parquet, with joint positions and sensed joint
-        torques.
+            torques.
         loaded: one window `(start, stop)`, or several, in s since its first row, in which the load
-        hung free
-            on the hand; none: all of it. At other times the hand is empty, and touches nothing.
+            hung free on the hand; none: all of it. At other times the hand is empty, and touches
+            nothing.
         empty: another recording, of the empty hand.
         hand: mass of everything mounted on the flange, kg, or `found`, to estimate it from the
-        recording;
-            by default that of the arm's description.
+            recording; by default that of the arm's description.
         scene: MJCF whose `object` the load is; its twin is built.
         object: name of the load.
         in_hand: pose of the object in the hand: three or seven numbers, m and quaternion wxyz.
-        Without it centre of
-            mass and inertia are in the axes of the tool, from the TCP, and a scene's twin has only
-            the mass.
+            Without it centre of mass and inertia are in the axes of the tool, from the TCP, and a
+            scene's twin has only the mass.
         arm: a name, or the folder of a description.
         robot_config: `robot.yaml`: calibration of this very arm.
         columns: YAML that maps the recording's columns to signals.
@@ -95,6 +93,7 @@ def estimate(
         windows = tuple((float(start), float(stop)) for start, stop in np.reshape(loaded, (-1, 2)))
     except (TypeError, ValueError):
         raise InputError(f"loaded={loaded}: give (start, stop) in s, or several of these") from None
+    # Estimate with one BLAS thread: the matrices are small.
     settings = settings_of(scene=scene, arm=arm, robot_config=robot_config)
     recorded = LogRequest(
         Path(log),
@@ -138,14 +137,14 @@ def dynamics(
 
     Args:
         log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or an
-        `ArmLog`.
+            `ArmLog`.
         arm: name of the arm, or folder of its description.
         hand: kg of everything mounted on the flange; 0 is a bare flange; None estimates it.
         columns: YAML that maps the log's columns to signals.
 
     Raises:
         InputError: a file that cannot be read, no such arm, too short a recording, or no joint
-        moves.
+            moves.
     """
     from palpate.estimation.logs.reading import log_of
 
@@ -224,7 +223,7 @@ def noise(
 
     Args:
         log: CSV, NPZ, MCAP, rosbag2 or Parquet with time, joint positions and torques; or an
-        `ArmLog`.
+            `ArmLog`.
         arm: name of the arm, or folder of its description.
         columns: YAML that maps the log's columns to signals.
 
@@ -261,13 +260,13 @@ def see(
     Args:
         scene: a file, MJCF text, or a `Scene`, with a site `tag_12` for every tag.
         camera: a picture or a video, the number of a camera, or `world:NAME`, a camera of the
-        simulated world.
+            simulated world.
         intrinsics: YAML with the lens of a real camera.
         world: MJCF of the simulated world; the scene itself without one.
         poses, arm, root, robot_config: as for `load`, if the scene is read here.
         seed: of the simulated camera's errors.
         pose_estimator: a command, or `http://HOST:PORT/PATH`, that returns the poses of the
-        objects.
+            objects.
 
     Returns:
         The seen poses with their covariances; `save` writes them to a poses.yaml.

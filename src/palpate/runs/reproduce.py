@@ -37,6 +37,7 @@ def running(settings: Settings, start: Path | None = None) -> list[str]:
     Args:
         start: folder that paths are relative to; None leaves them as they are.
     """
+    # Scene and request first, then all options with other values than the defaults.
     command = ["palpate", "run"]
     if settings.scene is not None:
         command += ["--scene", _path(settings.scene, start)]
@@ -58,6 +59,7 @@ def executing(settings: Settings, plan: Path, start: Path | None = None) -> list
 
 def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
     """Build the command that repeats a finished run: `palpate demo` for a scenario."""
+    # A scenario is repeated by its name, with the options of `demo`.
     name = scenario_of(settings)
     if name is None:
         return _add_seed(running(settings, start), settings)
@@ -80,6 +82,7 @@ def _add_seed(command: list[str], settings: Settings) -> list[str]:
     """Add noise and seed of a simulated run, even with default values."""
     if settings.robot is not None:
         return command
+    # Defaults may change between versions.
     for name in ALWAYS:
         if f"--{name}" not in command:
             command += [f"--{name}", str(getattr(settings, name))]
@@ -88,6 +91,7 @@ def _add_seed(command: list[str], settings: Settings) -> list[str]:
 
 def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> Iterator[str]:
     """Yield the options with values other than the defaults; for a model, all except its budget."""
+    # Compare each option with its default; a model's address may come from the environment.
     default = type(settings)()
     for one in iter_options(type(settings)):
         value = attrgetter(one.name)(settings)
@@ -100,6 +104,7 @@ def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> 
 
 def _option(name: str, flag: str, value: Any, start: Path | None) -> Iterator[str]:
     if isinstance(value, bool):
+        # A switch has a flag for each value.
         on, _, off = flag.partition("/")
         yield on if value else off
     elif name == "within":

@@ -165,6 +165,7 @@ def _plan_json(run: Run) -> dict[str, Any]:
 
 def plan_text(run: Run) -> str:
     """Content of `plan.json`: the plan, objects that a model detected, and the cost of the model."""
+    # A plan of a model also keeps its detected objects and its cost.
     more: dict[str, Any] = {}
     if run.seen is not None:
         more["scene"] = [asdict(thing) for thing in run.seen.objects]
@@ -214,6 +215,7 @@ def _limit(estimate: Estimate, sign: int) -> Any:
     """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1);
     null for the others.
     """
+    # Only components at a bound on that side have a limit.
     pairs = zip(estimate.at_bound, estimate.limits, strict=True)
     limits = [limit if bound and bound.sign == sign else None for bound, limit in pairs]
     return _shape_value(limits) if any(limit is not None for limit in limits) else None
@@ -221,6 +223,7 @@ def _limit(estimate: Estimate, sign: int) -> Any:
 
 def belief_json(name: str, belief: Belief) -> dict[str, Any]:
     """Pose of an object by sight, by touch and by both."""
+    # Each touch with its derived figures.
     touches: list[dict[str, Any]] = []
     for touch in belief.touches:
         touches.append(asdict(touch) | {"z": touch.z, "contradicts": touch.contradicts})

@@ -157,6 +157,7 @@ class Run(Estimates):
         It is `complete` if every parameter of the plan is identified and written to the twin, or
         nothing is missing, and touch contradicts no pose. It is `running` before the last stage.
         """
+        # The order matters: a signal, then the stage, then the results.
         if self.interrupted is not None:
             return "aborted"
         if self.stage is not None:
@@ -224,6 +225,7 @@ class Run(Estimates):
 
         All axes must be identified where the quantity promises them.
         """
+        # A width that no further round can reach counts as sufficient.
         precision = self.settings.within.precision(estimate)
         narrow = precision is None or precision.outcome != "rounds used up"
         quantity = catalogue().get(estimate.parameter.quantity)
@@ -271,6 +273,7 @@ class Run(Estimates):
         Raises:
             InputError: the file in the folder is not a trace.
         """
+        # In memory, or else in the folder.
         if self.recorded is not None or self.folder is None:
             return self.recorded
         # Before the first motion the folder has no trace.

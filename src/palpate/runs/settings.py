@@ -226,7 +226,8 @@ class Settings:
             at_hand: the scene is an object and came from no file.
 
         Raises:
-            InputError: nothing is asked, or a value is out of range; the message names the argument.
+            InputError: nothing is asked, or a value is out of range; the message names the
+                argument.
         """
         from palpate.execution.recovery import OnFailure
         from palpate.robots.owner import own_arm

@@ -50,6 +50,7 @@ def trace_messages(run: Run) -> list[Message]:
     trace = run.trace_if_any
     if trace is None or not len(trace.t):
         return []
+    # Each part is independent: one that fails costs only itself.
     found: list[Message] = []
     for part in (_cell, _camera):
         try:
@@ -160,6 +161,7 @@ def _picture(run: Run) -> Image | None:
 def _info(camera: Camera, picture: Image) -> tuple[Layout, dict[str, Array]]:
     """CameraInfo of a pinhole camera without distortion, scaled to the picture."""
     width, height = picture.size
+    # Scale the focal length with the picture, principal point in the middle.
     focal = camera.focal * height / camera.height
     k = np.array([[focal, 0.0, width / 2], [0.0, focal, height / 2], [0.0, 0.0, 1.0]])
     layout = header(CAMERA).uint32(height, width).text("plumb_bob").array("d", 5)

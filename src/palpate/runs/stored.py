@@ -122,8 +122,7 @@ class Run(InnerRun):
 
         Args:
             to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges
-            for
-                training).
+                for training).
             folder: by default `export-FORMAT` in the run's own.
 
         Raises:
@@ -211,11 +210,12 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
 
     Raises:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings
-        twice.
+            twice.
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
     with single_threaded_blas():
         fused = fuse_runs(opened)
+    # Label the estimates as simulated before the public object is made.
     contents = contents_of(fused, InnerFusion)
     contents["estimates"] = _label_simulation(fused.estimates, fused.runs[0].simulated)
     return Fusion(**contents)

@@ -61,6 +61,8 @@ class Task(ABC, Generic[World]):
         """Plan the action that ends at the goal in a world; None if the object tips over before, or
         cannot be moved.
         """
+        # Find the threshold action, and require that it ends near the goal: the result may jump
+        # over it.
         action = smallest(
             lambda action: self.reached(world, action) >= self.goal, *self.tried(world)
         )
@@ -140,6 +142,7 @@ class SpringPush(OfObject):
             pace = self.speed * (arm < action) - float(world.velocity(data) @ self.way)
             return max(stretch + self.damping * pace, 0.0) * self.way
 
+        # Stop when the arm has arrived and the object is at rest.
         arrival = action / self.speed + 0.1
         done = world.run(
             force, world.at(LOW), lambda data: data.time > arrival and world.is_at_rest(data)
@@ -191,6 +194,7 @@ class Throw(OfObject):
         """Distance of the centre of mass, m, where it passes the floor: z = 0, or the object's
         lowest point if that is lower.
         """
+        # The floor is at z = 0, or at the object's foot if that is lower.
         floor = min(0.0, float(world.low[2]))
         upwards = np.array([0.0, 0.0, 1.0])
         places: list[tuple[float, float]] = []
@@ -202,6 +206,7 @@ class Throw(OfObject):
         def force(data: mujoco.MjData) -> Array:
             return action * (self.way + upwards) / np.sqrt(2) * (data.time < 0.05)
 
+        # Fly without contacts, pushed at the middle.
         world.run(force, world.at(0.5), is_on_ground, touching=False)
         # Interpolate between the two physics steps at which it passes the floor.
         (below, there), (above, here) = places[-1], places[-2]
@@ -218,6 +223,7 @@ replaces `Slide`.
 
 def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
     """Distance in the direction `way`, m; infinite for an object that tipped over or fell."""
+    # An upright object at its former height has slid.
     moved = world.moved(done)
     stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
     return float(moved @ way) if stands else np.inf
@@ -247,6 +253,7 @@ def foot_held(world: PhysicsTrial) -> Generator[None]:
     The contact cones are elliptic meanwhile: with pyramidal ones a foot with such a friction
     creeps.
     """
+    # Change friction, priority and cone of the object's geoms, and restore them afterwards.
     model, cone = world.model, world.model.opt.cone
     mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
     saved = {name: getattr(model, name)[mine].copy() for name in ("geom_friction", "geom_priority")}
@@ -373,6 +380,7 @@ def joint_trial_of(scene: Scene, name: str, values: Values) -> JointTrial:
     Raises:
         InputError: the values make no world, as a friction below zero.
     """
+    # Friction, damping and stiffness must not be negative.
     for parameter, value in values.items():
         if parameter.object == name and parameter.quantity != Range.id and min(value) < 0.0:
             raise InputError(f"no joint has a {parameter.quantity} of {value}")

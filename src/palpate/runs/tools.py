@@ -140,6 +140,7 @@ def tag_sheet(path: Path, numbers: str, side: float) -> int:
     """
     from palpate.perception.tags import write_sheet
 
+    # Parse single numbers and ranges.
     chosen: list[int] = []
     for part in numbers.split(","):
         first, _, last = part.strip().partition("-")
@@ -179,6 +180,7 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
     Raises:
         InputError: a file that cannot be read, or a scene without room for the arm.
     """
+    # Check against the scene, or against the objects in the plan's own file.
     proposal = load_proposal(plan)
     arm, known = load_description(asked.arm), None
     if asked.scene is not None:
@@ -282,8 +284,7 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
 
     Raises:
         InputError: no picture, no camera, a planner that is not a model, nothing detected, or a
-        folder
-            that cannot be written.
+            folder that cannot be written.
         Unavailable: the model's server.
     """
     if not settings.images or settings.poses is None:

@@ -131,6 +131,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
     Raises:
         InputError: the values make no world, as an inertia that no body has.
     """
+    # Compile the world without the other free objects.
     spec = scene.spec(values)
     for other in scene.objects:
         if other != name:
@@ -147,6 +148,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
     mujoco.mj_step(model, data, nstep=round(SETTLING / model.opt.timestep))
     mujoco.mj_forward(model, data)
     body = model.body(name).id
+    # Record the settled pose, to which all displacements refer.
     low, high = _box(model, data, body)
     centre, upright = data.xipos[body].copy(), data.xmat[body].reshape(3, 3)[2].copy()
     return PhysicsTrial(model, body, data.qpos.copy(), centre, upright, low, high)
@@ -163,6 +165,7 @@ def set_aside(body: mujoco.MjsBody) -> None:
 
 def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:
     """Corners of the box around a body's geoms, m, from their bounding boxes."""
+    # All geoms of the body and of its children.
     mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
     points: list[Array] = []

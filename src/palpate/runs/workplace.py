@@ -60,6 +60,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     """
     from palpate.execution.simulated_cell import simulated_cell
 
+    # Require the calibration of this same arm.
     simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
@@ -93,6 +94,7 @@ def pictures_of(
     """
     if scene is None and settings.world is None and settings.robot is None:
         return (), ()
+    # Take each picture separately: one failure must not prevent the other.
     cell = cell_for(settings, scene)
     cameras: dict[str, Callable[[], bytes | None]] = {
         "of the workspace": partial(cell.picture, poses.camera)
@@ -300,6 +302,7 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
     """
     if seen is None:
         return made
+    # An object that the plan touches must be seen; others only get a note.
     touched = set(_touched_names(made))
     blind = [name for name in seen.unseen if name in touched]
     if blind:
@@ -307,6 +310,7 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
             f"the camera did not see {', '.join(blind)}: bring each, or a tag of it, into view, or do not ask for "
             "what would touch them"
         )
+    # Keep the notes and the picture with the plan.
     notes = [f"The look: {note}." for note in seen.notes]
     if seen.unseen:
         notes.append(f"Not seen, and taken to stand as stated: {', '.join(seen.unseen)}.")

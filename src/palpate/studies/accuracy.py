@@ -49,7 +49,7 @@ class ScoredEstimate:
         unit: as printed.
         verdict: of this component.
         at_bound: the interval reaches a physical bound, which is the only obstacle to its
-        identification.
+            identification.
     """
 
     parameter: Parameter
@@ -108,7 +108,7 @@ class SeedRun:
         actions: leaves that were started.
         robot_seconds: duration of the execution.
         estimates: components that depend on the recordings only: identified ones, and those at a
-        physical bound.
+            physical bound.
         doubted: other components with a value.
         unmeasured: components without a value.
         wall_seconds, cpu_seconds: of the whole run, with planning and estimation.

@@ -67,6 +67,7 @@ class Ranged:
         """
         from scipy.special import chdtri
 
+        # The interval of σ: RMS √(n / χ²) at the quantiles 0.975 and 0.025.
         n, value = len(numbers), float(np.sqrt(np.mean(numbers**2)))
         # chdtri(n, p) is the χ² value whose probability of exceedance is p.
         low, high = n / chdtri(n, 0.025), n / chdtri(n, 0.975)
@@ -147,6 +148,7 @@ def efficiency(
     """Run both planners on each scenario."""
     found: list[PlannerComparison] = []
     for name in names:
+        # The same scenario and seed, by both planners.
         intent = scenario(name).settings(noise=noise)
         exhaustive = replace(intent, planner="exhaustive")
         found.append(PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed)))

@@ -69,6 +69,7 @@ def is_valid(run: Run) -> bool:
 def judge_without_motion(run: Run, task: Scenario, looks: bool) -> Ruling:
     """Judge a run without an execution. It is right only if nothing can be measured."""
     if not is_valid(run):
+        # The check's findings, else those of the last answer.
         findings: Sequence[str] = [finding.message for finding in run.findings]
         if not findings and run.conversation is not None:
             findings = run.conversation.rounds[-1].findings
@@ -85,6 +86,7 @@ def judge_stopped_run(run: Run, task: Scenario, blind: bool) -> Ruling:
 
     A planner that is `blind` to the obstacle may have any plan, others need the right one.
     """
+    # A plan is right if it measures exactly the expected parameters.
     needless = set(run.plan.parameters) ^ set(task.expects)
     if needless and not blind:
         return Ruling("failed", f"what to measure is another: {names_of(needless)}")
@@ -184,6 +186,7 @@ def unused_recordings(trace: Trace, expected: Collection[Parameter]) -> Iterator
 
     Such a recording has no conversion, and is not evidence for an expected derived quantity.
     """
+    # A conversion uses its recording.
     converted = {(c.recording.buffer, c.recording.start) for c in trace.conversions}
     for recording in trace.recordings:
         if (recording.buffer, recording.start) in converted:

@@ -102,6 +102,7 @@ def render(records: Sequence[TrialRecord]) -> str:
 
 def scenario_table(records: Iterable[TrialRecord]) -> Table:
     """Success rates, with scenarios in rows and planners in columns."""
+    # Only trials of the whole prompt are comparable between planners.
     whole = group_records(
         (record for record in records if record.trial.configuration == "full"),
         lambda record: (record.trial.scenario, record.trial.asked),

@@ -145,6 +145,7 @@ def refuse_other_settings(rows: Iterable[SeedRow], asked: dict[Group, dict[str, 
     """
     for row in rows:
         now = asked.get(row.group, row.about)
+        # Compare all settings by name; a missing one differs as well.
         other = [name for name in {**row.about, **now} if row.about.get(name) != now.get(name)]
         if other:
             raise InputError(
@@ -244,6 +245,7 @@ class Summary:
 
 def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
     """Summarise each component of each parameter, in order of first appearance."""
+    # Group all components, with and without a value.
     found: dict[Key, list[ScoredEstimate | MissingComponent]] = {}
     for run in runs:
         for each in (*run.estimates, *run.doubted, *run.unmeasured):
@@ -296,6 +298,8 @@ def shares(estimates: Sequence[ScoredEstimate]) -> Array:
     It is uniform in 0…1 for calibrated estimates. The stated distribution is Student's t. Its
     degrees of freedom are those of the stated upper half of the 95 % interval.
     """
+    # Half width over deviation is the 97.5 % quantile of Student's t: it gives the degrees of
+    # freedom.
     halves = np.array([(each.high - each.value) / each.std for each in estimates])
     # np.interp needs increasing abscissae, and the quantile falls with the degrees of freedom:
     # negate both.

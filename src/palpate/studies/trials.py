@@ -157,6 +157,7 @@ def run_trials(
         InputError: `file` is not a results file.
         Unavailable: the provider could not be reached; finished trials are kept.
     """
+    # Continue a study: only trials without a record are made.
     kept = {record.trial: record for record in read_records(file)}
     Lines(file).add()  # fails before anything is paid for, if the file cannot be written
     todo = [trial for trial in trials if trial not in kept]

@@ -41,11 +41,11 @@ def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
 
     Raises:
         InputError: `path` exists, or cannot be written, or a joint or link is in an attached model;
-        or the dynamics
-            are contradicted.
+            or the dynamics are contradicted.
     """
     if found.contradictions:
         raise InputError(f"{path} is not written: {found.contradictions[0]}")
+    # Edit joints and links in the arm's own text.
     document = read_document(found.arm.mjcf)
     texts = rewritten(document, [*_joints(found, document), *_links(found, document)])
     return write_files(texts, document, path)
@@ -141,5 +141,6 @@ def physical(tensor: Array) -> bool:
     """True if a rigid body can have an inertia (3, 3): positive moments, and none above the sum of
     the others.
     """
+    # Triangle inequality of the principal moments.
     moments = np.linalg.eigvalsh(tensor)
     return bool(moments[0] > 0.0 and moments[2] <= moments[0] + moments[1])

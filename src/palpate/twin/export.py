@@ -230,6 +230,7 @@ def export_twin(
         InputError: the twin cannot be simulated, so that it could not be compared.
         PalpateError: what was written differs from the twin.
     """
+    # Ranges need no model.
     if chosen == "randomisation":
         written = [each for each in held_by_twin(estimates) if each.parameter not in twin.unwritten]
         file, notes = write_randomisation(written, folder)

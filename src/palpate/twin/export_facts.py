@@ -258,6 +258,7 @@ def file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
 
 def write_stl(path: Path, corners: Array) -> None:
     """Write binary STL of triangles: `corners` (n, 3, 3) in m, each corner a row."""
+    # Unit normals from the edges; degenerate triangles get a zero normal.
     across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     triangles = np.zeros(len(corners), _TRIANGLE)
     triangles["corners"] = corners

@@ -201,6 +201,7 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
     a link is inserted.
     """
     name, parent = body_name(model, body), body_name(model, int(model.body_parentid[body]))
+    # Chain the joints: each link's frame is at its joint.
     way = Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     for joint in range(first, first + count):
@@ -259,6 +260,7 @@ def add_origin(element: Element, pose: Pose) -> None:
 def roll_pitch_yaw(rotation: Array) -> Array:
     """Angles (3,) rad about the fixed x, then y, then z axis. At ±90 degrees of pitch, roll is
     0."""
+    # Pitch from the first column of R = Rz Ry Rx.
     level = float(np.hypot(rotation[0, 0], rotation[1, 0]))
     pitch = np.arctan2(-rotation[2, 0], level)
     # Gimbal lock: only the sum of roll and yaw is determined.

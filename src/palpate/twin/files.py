@@ -104,6 +104,7 @@ class _Packing:
         An asset keeps its own name, by which MuJoCo refers to it. Models are in the folder of the
         main text, to which the names of their files are relative.
         """
+        # Add a number until the name is free.
         taken = {self.main, *self.names.values()}
         name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
         while name in taken:
@@ -278,6 +279,7 @@ class _Layout:
         """True if MuJoCo would not find a file, relative to the main text or to the file that names
         it.
         """
+        # Resolve the name as MuJoCo does: first relative to the main text.
         wanted = self.places[named.path]
         found = Path(os.path.normpath(self.folder_of(named) / named.located))
         file = self.after.index[named.element].file

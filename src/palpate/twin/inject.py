@@ -57,6 +57,7 @@ def inject(
     Raises:
         InputError: not a usable scene, or a value that has no place in it.
     """
+    # Write the values, and require that MuJoCo reads them back.
     description = describe(parse_document(text, folder), Poses(), catalogue())
     texts = _inject_values(description, catalogue(), values, records)
     std = deviations(records)
@@ -81,7 +82,7 @@ class Completed:
     Attributes:
         texts: with the values.
         notes: values that could not be written, and each `?` that was not measured and now holds a
-        prior.
+            prior.
         unwritten: measured parameters of objects and surfaces that are not in it.
     """
 
@@ -166,6 +167,7 @@ def values_to_write(
     The latter are missing quantities that are parts of another estimate, as the mass of an object
     whose centre of mass was estimated.
     """
+    # Requested estimates first, then parts that fill gaps.
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
         values[estimate.parameter] = tuple(estimate.values.tolist())
@@ -226,6 +228,7 @@ def _fill_unknowns(
     """Write `fitting` values, and priors for the other `marked` parameters. Return the texts and
     all written values.
     """
+    # Priors fill the unknowns that no value determines.
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.complete_values(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
@@ -260,6 +263,7 @@ def _inject_values(
     records: Sequence[Estimate],
     moved: Sequence[Edit] = (),
 ) -> Texts:
+    # Edits of the values, of the moved bodies, and of unknowns without meaning.
     edits = list(changes(description.bodies, quantities, values, {}, deviations(records)))
     edits += moved
     edits += leftovers(description, quantities, values, edits)

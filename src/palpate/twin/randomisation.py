@@ -75,6 +75,7 @@ def write_randomisation(estimates: Sequence[Estimate], folder: Path) -> tuple[Pa
 
 def ranges(estimates: Sequence[Estimate]) -> dict[str, Any]:
     """Content of `ranges.json`: numbers by name, and their covariance in the same order."""
+    # One number for each component, in the order of the covariance.
     numbers: list[dict[str, Any]] = []
     for estimate in estimates:
         axes = axes_of(len(estimate.values))

@@ -37,6 +37,7 @@ def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
     Raises:
         InputError: anything else would change.
     """
+    # Collect the edits of each file; None is the main text.
     by_file: dict[Path | None, list[Change]] = {None: []}
     for edit in edits:
         element = edit.parent if isinstance(edit, Insert) else edit.element
@@ -91,6 +92,7 @@ def require_same(
     Raises:
         InputError: they differ.
     """
+    # Apply the changes to the parsed original, and compare its content.
     before, after = parse_xml(text, "the scene"), parse_xml(result, "the twin")
     listed = list(elements(before))
     for (i, name), value in values.items():

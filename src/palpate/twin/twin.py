@@ -39,7 +39,7 @@ class Twin:
         notes: remarks, e.g. which unknowns were not measured and hold a prior.
         validation: None if the twin could not be simulated; `notes` states the reason.
         scene: the twin read back, with the poses that came with the user's scene; None if it could
-        not be simulated.
+            not be simulated.
         unwritten: measured parameters of objects and surfaces that are not in it; `notes` state the
             reasons.
         document: the user's files.
@@ -91,6 +91,7 @@ class Twin:
             InputError: a file of the user's scene is missing.
             OSError: a file cannot be copied.
         """
+        # A scene without files is complete as one text.
         if self.document is None or not self.document.files:
             return {TWIN: self.xml}
         return pack(reparse(self.texts or Texts(self.xml), self.document), folder)
@@ -246,6 +247,7 @@ def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:
 
 def diff_of(document: Document, texts: Texts) -> str:
     """Make a unified diff of the main text and of every included file that has changed."""
+    # The main text and each changed include, as one diff.
     pairs = [(document.text, texts.main, "scene.xml", "twin.xml")]
     for path, text in texts.parts.items():
         pairs.append((document.texts[path], text, path.name, path.name))

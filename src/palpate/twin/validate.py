@@ -209,6 +209,7 @@ def validate(
     twin: Scene, template: Scene, recorded: Trace | None, replay: Replay | None
 ) -> Validation:
     """Test that a twin's scene comes to rest. With a recording and a replay, compare these."""
+    # Rest needs no recording.
     settled, drift = settle(twin)
     validation = Validation(settled, drift, NOT_REPLAYED, NOT_REPLAYED)
     if recorded is None or replay is None:

@@ -136,10 +136,11 @@ def calibrate(
 
     Raises:
         InputError: bad input; or the measurements contradict the stated references: nothing is
-        written.
+            written.
         Unavailable: no such robot.
         ExecutionAborted: not confirmed, or stopped.
     """
+    # Check everything before the arm moves.
     settings = settings.check_values(at_hand=True)
     existing = read_config(out) if out.exists() else None
     require_consistent(settings, wanted, out, existing)
@@ -158,6 +159,7 @@ def calibrate(
         weigh(session, wanted.weight)
     if wanted.gauge is not None:
         gauge(session, wanted.gauge)
+    # The camera last: its pose uses the calibrated arm.
     seen, rows = None, list[CalibratedFigure]()
     if wanted.camera is not None:
         from palpate.runs.calibration.camera import locate
@@ -165,6 +167,7 @@ def calibrate(
         assert wanted.tag is not None
         seen, believed = locate(session, wanted.camera, wanted.intrinsics, wanted.tag)
         rows = camera_found(believed, seen, wanted.tag)
+    # Write the findings over the figures of the existing file.
     config = merge_findings(existing or before, session)
     write_config(out, config)
     if seen is not None and wanted.plot is not None:
@@ -214,6 +217,7 @@ def require_consistent(
 def merge_findings(under: RobotConfig, session: CalibrationSession) -> RobotConfig:
     """Merge the findings of a session over the figures of an existing file."""
     settings = session.settings
+    # Take only the figures of this session; all others stay.
     figures = {name: getattr(session.config, name) for name in MEASURED}
     update = {name: figure for name, figure in figures.items() if figure is not None}
     update |= {"arm": session.arm.name, "simulated": None}
@@ -234,6 +238,7 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
         figure = getattr(new, name)
         return figure is not None and figure is not getattr(old, name, None)
 
+    # Torque gains joint by joint, then the tilt by axis, then the scalar figures.
     gains, lean = new.torque_gain, new.base_lean
     if gains is not None and is_new("torque_gain"):
         pairs = zip(gain_values(start), gain_values(end), strict=True)
@@ -270,6 +275,7 @@ def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[C
         start = float(before.mount.pose_world_camera.position[i]) if i < 3 else 0.0
         was, now = (start, float(stds[1][i])), (start + float(off[i]), float(stds[0][i]))
         found.append(CalibratedFigure(f"{name} {'xyz'[i % 3]}", unit, was, now, by))
+    # Relative change of the focal length.
     zoom = after.lens.matrix[0, 0] / before.lens.matrix[0, 0] - 1.0
     was, now = (0.0, before.lens.focal_std), (float(zoom), float(stds[0][6]))
     return [*found, CalibratedFigure("camera focal length", "1", was, now, by)]
@@ -286,6 +292,7 @@ def value_and_std(hand: NominalHand, name: str) -> tuple[float, float]:
 
 def gain_values(arm: RobotDescription) -> list[tuple[float, float]]:
     """Value and standard deviation of each joint's gain, relative."""
+    # From the calibration, or zero with the datasheet's deviation.
     gains = arm.config.torque_gain if arm.config is not None else None
     if gains is not None:
         stds = np.sqrt(gains.spread.diagonal()).tolist()

@@ -133,6 +133,7 @@ def locate(
         InputError: no such camera, no rough pose of it is stated, or the pictures do not fit.
         Unavailable: OpenCV is not installed, or a camera does not answer.
     """
+    # Build the camera in the user's scene, or on the bench.
     number = _number(tag)
     own = scene_of_settings(session)
     scene = own or session.bench_with_camera()
@@ -160,6 +161,7 @@ def locate(
     trace = session.perform(scene, _plan(chosen), None if own else scene, shots)
     if shots.failed is not None:
         raise shots.failed
+    # Use only the pictures with exactly one such tag.
     seen = [(i, where) for i, where in enumerate(shots.seen) if where is not None]
     if len(seen) < FEWEST:
         raise InputError(
@@ -208,6 +210,7 @@ def _eye(
     side: float,
 ) -> Eye:
     settings = session.settings
+    # A real camera needs a rough pose, from its intrinsics file.
     if not source.startswith(WORLD_CAMERA):
         stream = Stream(source, intrinsics)
         if stream.mount is None:
@@ -220,6 +223,7 @@ def _eye(
         raise InputError(
             f"camera={source} is one of the simulated world: leave out intrinsics= and robot="
         )
+    # A camera of the simulated world: on the hand, or one that its MJCF has.
     name = source.removeprefix(WORLD_CAMERA)
     cell = cell_for(settings, scene)
     assert isinstance(cell, SimulatedCell)
@@ -239,6 +243,7 @@ def _eye(
         assert footage is not None
         assert footage.spec is not None
         if not camera:
+            # Add the camera on the hand, or the tag on the hand, to the world.
             spec = footage.spec
             if name == HAND:
                 spec = with_camera(spec, session.arm)
@@ -287,6 +292,7 @@ def _chosen(
 
 def configurations(arm: RobotDescription) -> Array:
     """Draw (n, 7) configurations about home whose TCP is well above the plane of the base."""
+    # Draw about home within the joint limits; a fixed seed repeats the calibration.
     random = np.random.default_rng(0)
     low, high = arm.limits.q_min + LIMIT, arm.limits.q_max - LIMIT
     q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, (DRAWN, JOINTS)), low, high).round(4)
@@ -340,6 +346,7 @@ def _plan(configurations: Sequence[Array]) -> Plan:
 
 def _entry(found: HandEye, source: str, number: int, on_hand: bool) -> CameraConfig:
     """Make the camera's entry in robot.yaml."""
+    # Field of view from the focal length: 2 atan(h / 2 f).
     pose, (width, height) = found.mount.pose_world_camera, found.lens.size
     fovy = math.degrees(2 * math.atan(height / 2 / found.lens.matrix[1, 1]))
     covariance = np.array(

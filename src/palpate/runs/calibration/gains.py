@@ -63,6 +63,7 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
     refusal = InputError(
         f"{what} '{text}' is no size with a unit: give e.g. {example}, in {', '.join(units)}"
     )
+    # Split into value, unit, tolerance and its unit; refuse unknown units.
     found = STATED.fullmatch(text)
     if found is None:
         raise refusal
@@ -75,6 +76,7 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
         off = float(limit) * units.get(limit_unit or unit, 1.0) if limit else 0.0
     except ValueError:
         raise refusal from None
+    # A size is positive, and its tolerance smaller than itself.
     if not (0.0 < size < math.inf and off < size):
         raise refusal
     return Stated(size, off, text.strip())
@@ -138,6 +140,7 @@ class GainBelief:
 
         1 + g = (1 + corrected) (1 + mean)
         """
+        # The covariance scales with the derivative of the composition, 1 + corrected.
         larger = 1.0 + corrected
         whole = larger * (1.0 + self.mean) - 1.0
         return GainBelief(whole, self.covariance * np.outer(larger, larger))
@@ -164,8 +167,7 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
 
     Raises:
         InputError: the object was not weighed, its weighing contradicts itself, or its mass is not
-        the
-            stated one.
+            the stated one.
     """
     recording = trace.converted(parameter)
     if recording is None or trace.hand.chain is None:
@@ -211,6 +213,7 @@ def fit_at_force(model: LoadModel, force: float, std: float) -> Posterior:
     Returns:
         The posterior. Its first unknown is the deviation from `force`.
     """
+    # Replace the wide prior of the vertical force by the certificate's, about the known force.
     (load, *others), noise, y, scales = model
     known = replace(load, prior=np.array([std, *load.prior[1:]]))
     # A weight shows the gain together with the crosstalk: torques of other joints that a sensor
@@ -230,6 +233,7 @@ def own_weight_tree(arm: RobotDescription) -> Node:
     """Make the tree of rests in configurations around home. The configurations are the same every
     time; the tree begins and ends at home.
     """
+    # A fixed seed: every calibration visits the same configurations.
     random, nominal = np.random.default_rng(0), NominalArm(arm, Pose.of([0, 0, 0]), -9.81 * UP)
     low, high = arm.limits.q_min + MARGIN, arm.limits.q_max - MARGIN
     home = Node("MoveJoints", (("joints", HOME_CONFIG),))
@@ -254,6 +258,7 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     Raises:
         InputError: too few rests, or a weight that such an arm cannot have.
     """
+    # Each recording is one rest; half of the planned ones must exist.
     rests = [samples for r in trace.recordings if len(samples := trace.of(r))]
     if len(rests) < CONFIGURATIONS // 2:
         raise InputError(
@@ -304,10 +309,12 @@ def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
     Fixed-point iteration: each joint's variance is its sum of squared residuals over its residual
     degrees of freedom.
     """
+    # Begin with the datasheet's noise.
     size = np.ones(JOINTS)
     for _ in range(ROUNDS):
         # Refit with the current scale; the degrees of freedom are 1 less the leverage of each row.
         found = own_fit(causes, observed, noise * np.outer(size, size))
+        # Scale of each joint: root of its sum of squares over its degrees of freedom.
         left = (found.residual**2).reshape(observed.shape).sum(axis=0)
         freedom = (1.0 - found.leverage).reshape(observed.shape).sum(axis=0)
         size = size * np.sqrt(left / np.maximum(freedom, 1.0))
@@ -345,13 +352,13 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
 
     Returns:
         (n, 7, 7) torques of unit gains, and (n, 7, p) torques of one standard deviation of each
-        other
-        unknown: zero offsets, link masses and centres.
+        other unknown: zero offsets, link masses and centres.
     """
     q = np.concatenate([trace.samples.q[:1], q])  # the sensors were zeroed at the start
     # All columns are differences to the configuration in which the sensors were zeroed.
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), -trace.gravity * UP)
     weight, links = nominal.kinematics(q).gravity_torque, link_columns(arm, trace.gravity, q)
+    # A unit gain adds the change of the joint's own gravity torque.
     gains = (weight[1:] - weight[0])[:, :, None] * np.eye(JOINTS)
     offset = np.broadcast_to(OFFSET * np.eye(JOINTS), gains.shape)
     return gains, np.concatenate([offset, links[1:] - links[0]], axis=2)
@@ -367,6 +374,7 @@ def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     """
     chain, sensors, still = arm.nominal.chain, arm.sensors, np.zeros_like(q)
     assert chain is not None
+    # Parameters of the links, the hand scaled to the described mass of the end effector.
     bodies = Bodies.of(chain, sensors.link_mass, sensors.link_com, arm.limits.payload)
     heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
     # Torques per unit of mass and of first moment of each link.

@@ -54,6 +54,7 @@ def weigh(session: CalibrationSession, known: Known) -> None:
         name = reference(masses, known, "mass", "kg", "object")
         weigh_once(session, own, None, name, size)
         return
+    # On the bench: the scene states the nominal mass, the world has the true one.
     true = truth(size, session.settings.seed, "weight")
     for i, x in enumerate(PLACES, 1):
         session.callbacks.progress(f"weighing {size.text}, place {i} of {len(PLACES)}")
@@ -105,6 +106,7 @@ def gauge(session: CalibrationSession, known: Known) -> None:
     before = session.config.base_lean
     lean = found.lean + (np.zeros(2) if before is None else before.value)
     offset, compliance = (found.offset, found.offset_std), (found.compliance, found.compliance_std)
+    # Correct the next visits by all figures of this one.
     figures = {
         "tip_offset": Value(value=offset[0], std=offset[1], date=date, by=by),
         "base_lean": Lean(value=lean, std=found.lean_std, date=date, by=by),
@@ -117,6 +119,7 @@ def gauge(session: CalibrationSession, known: Known) -> None:
 def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> None:
     """Compose the gains for the next visits with the gains `found`. `by` names the procedure."""
     before = session.config.torque_gain
+    # Compose with the gains that corrected these readings.
     whole = found.after(np.zeros(JOINTS) if before is None else before.value)
     ways = [] if before is None or before.by is None else before.by.split("; ")
     # Remove asymmetry by rounding errors, and digits without meaning.

@@ -156,6 +156,7 @@ class CalibrationSession:
             Unavailable: the robot.
             ExecutionAborted: not confirmed, or stopped before its end.
         """
+        # Check and rehearse before anything moves.
         self.visits += 1
         # Rehearse the plan; a finding of the rehearsal refuses the calibration before any motion.
         findings = self.findings(scene, plan)

@@ -105,6 +105,7 @@ def fit_tips(
     # Centre the design on the gauges, where height and tilt are uncorrelated.
     middle = spots.mean(axis=0)
     design = np.column_stack([np.ones(len(spots)), spots - middle])
+    # Prior of the tilts: an error of the tip length over the arm's reach.
     leaning = hand.tip_offset_std / reach
     prior = np.array([hand.tip_offset_std, leaning, leaning])
     # Estimate the shares of frame error and scatter, then fit the plane by weighted least squares
@@ -151,6 +152,7 @@ def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> 
     Returns:
         (n,) m.
     """
+    # Scatter of one touch, reduced by averaging, and the frame error that averaging keeps.
     single = np.hypot(repeatability, UNSEEN)
     return np.hypot(frame * BENT, [single / np.sqrt(len(place)) for place in heights])
 
@@ -169,6 +171,7 @@ def shares(
         prior: (3,) standard deviations of its coefficients.
         repeatability: m, on the datasheet.
     """
+    # Stack all touches, with the place and the row of the plane for each.
     each = [len(high) for high in heights]
     observed, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
     place, one = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
@@ -176,6 +179,7 @@ def shares(
     level, leans = rows[:, :1] * prior[0], rows[:, 1:] * prior[1:]
     always: Array = level @ level.T + UNSEEN**2 * one
     framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
+    # Evaluate the evidence on a grid of shares.
     pairs = list(product(FRAMES, SHARES))
     # Gaussian log evidence of each pair of shares, without its constant.
     log_likelihoods: list[float] = []
@@ -232,6 +236,7 @@ def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
     Raises:
         InputError: the majority is certainly compliant, or under something soft.
     """
+    # Possibly rigid: the lower bound of the compliance is that of a rigid surface.
     may_be = [touch for touch in found if touch.at_least <= RIGID and touch.soft == 0.0]
     if 2 * len(may_be) <= len(found):
         most = max((touch.at_least for touch in found), default=0.0)
@@ -263,6 +268,7 @@ def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[
         else:
             groups.append([touch])
     require_places(len(groups))
+    # Express the places in the axes of the base, in which the plane is defined.
     spots = [base.local(np.array([*group[0].spot, group[0].height]))[:2] for group in groups]
     return np.array(spots), [np.array([touch.height for touch in group]) for group in groups]
 

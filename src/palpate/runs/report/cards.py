@@ -99,6 +99,7 @@ def cards(measured: Sequence[EstimateWithTruth], trace: Trace | None) -> list[Es
 def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str) -> EstimateCard:
     estimate = measured.estimate
     unit = estimate.unit
+    # Results of the estimate in addition to its values, as a static friction.
     further = [
         (name, with_spread(part.value, part.std, part.unit or unit))
         for name, part in estimate.parts.items()
@@ -211,6 +212,7 @@ def forest(cards: Sequence[EstimateCard]) -> list[QuantityScale]:
     """Forest plot of many estimates: one scale per quantity; empty for few cards."""
     if len(cards) <= FEW:
         return []
+    # One scale for each quantity and unit.
     kinds: dict[tuple[str, str], list[EstimateCard]] = {}
     for card in cards:
         kinds.setdefault((card.quantity, card.unit), []).append(card)

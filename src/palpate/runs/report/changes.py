@@ -67,6 +67,7 @@ def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[D
     found: list[DiffLine] = []
     for line, counterpart in zip(block, other, strict=True):
         mine, theirs = line.text, counterpart.text
+        # Remove the common head, then the common tail of the rest.
         head = common_prefix_length(mine, theirs)
         tail = common_prefix_length(mine[head:][::-1], theirs[head:][::-1])
         end = len(mine) - tail

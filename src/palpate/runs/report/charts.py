@@ -31,6 +31,7 @@ class Axis:
     @classmethod
     def enclose(cls, values: Array, air: float) -> Axis:
         """Axis that spans all `values`, with a margin of `air` times their range."""
+        # Constant values get a margin by their size.
         low, high = float(np.min(values)), float(np.max(values))
         margin = air * (high - low) or 0.1 * abs(high) or 1.0
         return cls(low - margin, high + margin)
@@ -56,6 +57,7 @@ def with_spread(value: float, std: float, unit: str) -> str:
     """Format value and deviation, as `0.262 ± 0.020 kg`. Values below a hundredth of the unit get a
     smaller unit.
     """
+    # Grams and millimetres are easier to read than small SI numbers.
     factor = 1.0
     if abs(value) < 1e-2:
         unit, factor = SMALL.get(unit, (unit, 1.0))
@@ -222,6 +224,7 @@ def prediction_traces(
 
 def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:
     """Measured values, or their residuals, group by group: points with error bars, or a curve."""
+    # Rows that the fit used, and the group of each row.
     used = np.ones(len(view.x), dtype=bool) if view.used is None else view.used
     # Draw each group in its colour. Dense rows without deviations become a line, all others points.
     groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups

@@ -172,6 +172,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
         answer=answer(run),
         warnings=tuple(run_warnings(run)),
     )
+    # Add the parts that exist only after execution, twin and film.
     if done is not None:
         data = replace(
             data, stopped_by=done.stopped_by, held=done.held, robot_seconds=done.robot_seconds
@@ -199,6 +200,7 @@ def stated_as(parameter: Parameter) -> Parameter:
 
 def parameter_rows(run: Run) -> Iterator[ParameterRow]:
     """Missing, known and assumed parameters of the scene, body by body."""
+    # Compare requests under the names of the scene.
     asked = {stated_as(parameter) for parameter in run.plan.parameters}
     for body in run.scene.bodies.values():
         name = body.name

@@ -169,6 +169,7 @@ def _listening(port: int) -> tuple[zmq.Socket[bytes], str]:
     except ImportError as error:
         why = f"Groot2 is served with pyzmq: pip install 'palpate[groot]' ({error})"
         raise Unavailable(why) from None
+    # Close without waiting, and refuse large messages.
     socket = zmq.Context.instance().socket(zmq.REP)
     socket.linger = 0
     socket.maxmsgsize = MOST_BYTES

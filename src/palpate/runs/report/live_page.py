@@ -207,6 +207,7 @@ class LivePage:
         return self._shown
 
     def _plot(self, times: np.ndarray, forces: np.ndarray) -> None:
+        # Thin out long series to the size of the plot.
         step = max(1, len(times) // HISTORY)
         self._force.data = (times[::step].astype(float), forces[::step].astype(float))
 
@@ -247,6 +248,7 @@ class _Player:
 
     def _show(self, seconds: float) -> None:
         """Show cell and tree at a time after the beginning, s."""
+        # Pose the cell, then show the status of each leaf at that time.
         t = float(self._trace.t[0]) + seconds
         self._replay.show(t)
         self._drawn.move(self._cell.data)

@@ -66,6 +66,7 @@ class Access:
 
         viser offers no hook for requests; it starts its server with `websockets`, which does.
         """
+        # Replace the server's constructor meanwhile, so that it checks every request.
         serve = websocket_server.serve
 
         def serve_with_controls(

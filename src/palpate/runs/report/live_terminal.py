@@ -121,6 +121,7 @@ class RealTime:
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """Sleep until the wall clock reaches the robot's clock."""
+        # A new attempt begins with a new tree: restart the clock.
         if snapshot.root is not self._root:
             self._root, self._began = snapshot.root, time.monotonic() - snapshot.elapsed
         early = snapshot.elapsed - (time.monotonic() - self._began)
@@ -259,6 +260,7 @@ def render(snapshot: Snapshot, room: int, left: float | None = None) -> Group:
 def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, LeafRun]) -> Text:
     """Format a node with its status, and a leaf with its duration so far."""
     run = ended.get(node.node) if isinstance(node, PrimitiveLeaf) else None
+    # An ended leaf that is INVALID was stopped.
     icon, style = ICONS[node.status]
     if run is not None and node.status is Status.INVALID:
         icon, style = STOPPED
@@ -275,6 +277,7 @@ def bar(force: float) -> str:
     """Draw a vertical force, N, as a bar to the right of the middle, or to the left if it is
     negative.
     """
+    # A force that is not finite has no bar.
     filled = 0
     if np.isfinite(force):
         filled = min(BAR, round(BAR * abs(force) / BAR_FORCE))

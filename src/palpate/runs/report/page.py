@@ -249,6 +249,7 @@ def verdict_sentence(data: ReportData) -> str:
 
 
 def picture_uris(data: ReportData) -> dict[str, Any]:
+    # Mark the visible change between the pictures before and after.
     changed = change(data.before, data.after)
     return {
         "workspace": picture_uri(data.workspace),

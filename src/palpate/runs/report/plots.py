@@ -178,6 +178,7 @@ def contact_traces(trace: Trace) -> list[Figure]:
 
 def leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
     """Make a bar for each leaf, from its first tick to its last."""
+    # Colour by group and status, lane by overlap.
     colours: list[str] = []
     lanes: list[int] = []
     busy_until: list[float] = []

@@ -231,6 +231,7 @@ def pose_rows(beliefs: Mapping[str, Belief]) -> Iterator[PoseRow]:
 
 def _in_words(pose: Pose, covariance: Array) -> str:
     """Format a position to a tenth of a millimetre, with standard deviations."""
+    # The first three coordinates of the covariance are the position.
     stds = np.sqrt(np.diag(covariance)[:3])
     parts = zip("xyz", (1e3 * pose.position).tolist(), (1e3 * stds).tolist(), strict=True)
     return ", ".join(f"{axis} {value:.1f} ± {std:.1f}" for axis, value, std in parts)

@@ -62,6 +62,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     taken = replace(taken, workspace=workspace, seen=run.looked or taken.seen)
     if not run.scene.bodies or not gl_available()[0]:
         return taken
+    # Render the scene before the measurement, and after it if there is a twin.
     names = tuple(run.scene.bodies)
     before = run.scene.spec()
     if run.finished is None or run.finished.scene is None:
