@@ -64,9 +64,8 @@ def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
 
 
 def within_joint_limits(arm: RobotDescription, q: Array, margin: float = JOINT_MARGIN) -> bool:
-    """Test if joint angles (7,), rad, are finite and within the joint range less a margin, by default the margin
-    of
-    the safety predicate.
+    """Test if joint angles (7,), rad, are finite and within the joint range less a margin, by default
+    the margin of the safety predicate.
     """
     low, high = arm.limits.q_min, arm.limits.q_max
     return bool(((q >= low + margin) & (q <= high - margin)).all())

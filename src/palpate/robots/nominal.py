@@ -172,11 +172,10 @@ class NominalArm:
     def reach(self, goal: Pose, posture: Array) -> Array:
         """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near `posture`.
 
-        The posture is first turned about the base towards the goal and, for a level hand, about the tool. The
-        result depends on these arguments alone, so that the arm returns to a pose with the same elbow: the
-        bias
-        of a wrench belongs to a configuration, not to a pose. For a pose out of reach it is the nearest
-        configuration of the search.
+        The posture is first turned about the base towards the goal and, for a level hand, about the
+        tool. The result depends on these arguments alone, so that the arm returns to a pose with the
+        same elbow: the bias of a wrench belongs to a configuration, not to a pose. For a pose out of
+        reach it is the nearest configuration of the search.
 
         `kinematics.inverse_kinematics`, which decides if a pose is reachable, is another search (mink's, with
         joint limits). Here it would bend the elbow by up to 0.14 rad more, and every force would have another
@@ -264,9 +263,8 @@ class NominalArm:
         return out[:, :7]
 
     def elbow_jacobian(self) -> Array:
-        """Compute the Jacobian (3, 7) of the fourth joint's position, world axes, at the configuration of the
-        last
-        call.
+        """Compute the Jacobian (3, 7) of the fourth joint's position, world axes, at the configuration
+        of the last call.
         """
         out = np.empty((3, self._model.nv))
         mujoco.mj_jacBody(self._model, self._data, out, None, self._elbow)

@@ -127,13 +127,12 @@ def joint_rates(
 
 
 def point_rate(nominal: NominalArm, arm: RobotDescription, q: Array, way: Array) -> float:
-    """Compute the rate limit, 1/s, of fingertips, wrist and elbow along the joint motion `way` (7,), rad, at
-    joint
-    angles `q` (7,).
+    """Compute the rate limit, 1/s, of fingertips, wrist and elbow along the joint motion `way` (7,),
+    rad, at joint angles `q` (7,).
     """
     mass_matrix, tcp = nominal.mass_matrix(q), nominal.jacobian(q)
     wrist = point_jacobian(tcp, -arm.reach.wrist * tool_axis(nominal, q))
-    # Each point meets an obstacle with its effective mass 1 / (d^T Λ d), free to move across its path.
+    # Each point meets an obstacle with its effective mass 1 / (d^T J M^-1 J^T d).
     points = ((tcp[:3], STIFFEST), (wrist, STIFFEST), (nominal.elbow_jacobian(), SHELL))
     rate = math.inf
     for point, stiffness in points:
@@ -164,9 +163,8 @@ def point_mobility(mass_matrix: Array, jacobian: Array) -> Array:
 def impulse_speed(pace: MotionLimits, mass: float, stiffness: float) -> float:
     """Compute the speed, m/s, at which a mass, kg, transfers the pace's impulse to an obstacle within `WINDOW`.
 
-    The obstacle has the `stiffness`, N/m. The force is half a wave of sin(w t) with w = sqrt(k / m). Within
-    the
-    window, a heavy mass transfers only the middle of that wave.
+    The obstacle has the `stiffness`, N/m. The force is half a wave of sin(w t) with w = sqrt(k / m).
+    Within the window, a heavy mass transfers only the middle of that wave.
     """
     angle = min(math.sqrt(stiffness / mass) * WINDOW / 2, math.pi / 2)
     return pace.impulse / ((1.0 + REBOUND) * mass * math.sin(angle))

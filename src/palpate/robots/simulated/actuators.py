@@ -318,7 +318,7 @@ class Gripper:
         lead = LAG * (self.force / self._damping + speed)  # m, at this speed and full force
         pressed = commanded == self._goal or commanded < middle - lead
         self._from, self._since = min(max(commanded, middle - lead), middle + lead), t
-        # A command ends after the fingers have rested under pressure for a time.
+        # A command ends once the fingers have rested for a time, at the goal or pressed.
         if not self.moving:
             return
         if speed > STANDSTILL or not pressed:

@@ -58,9 +58,8 @@ class Reaction(NamedTuple):
         return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most)
 
     def torque(self, dq: Array) -> Array:
-        """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s. All are scaled down together where a
-        joint
-        would exceed its limit.
+        """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s. All are scaled down together
+        where a joint would exceed its limit.
         """
         braking = self.damping @ dq
         share = max(1.0, float((np.abs(braking) / self.most).max()))

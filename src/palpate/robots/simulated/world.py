@@ -98,10 +98,10 @@ class World:
         Raises:
             InputError: the world does not compile, or lacks physics that weighing and touching need.
         """
-        # Addresses of the robot's joints, fingers and frames in the model's arrays.
         self._arm, self._finest, self._substeps = arm, substeps, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
+        # Addresses of the robot's joints, fingers and frames in the model's arrays.
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
         self._q, self._v = run_of(joints[0].qposadr[0], 7), run_of(joints[0].dofadr[0], 7)
         finger = self.model.joint(PREFIX + arm.hand.fingers[0])

@@ -67,9 +67,7 @@ class BaseVibration:
     def __init__(self, vibration: Vibration, period: float, streams: Streams) -> None:
         self._omega = 2 * math.pi * vibration.frequency
         self._phase = streams.run("environment.vibration").uniform(-np.pi, np.pi)
-        within = (
-            self._omega * period / 2
-        )  # the mean over a block is smaller than the value in its middle
+        within = self._omega * period / 2  # a block's mean is below its middle
         self._size = math.sqrt(2.0) * vibration.acceleration * np.sinc(within / np.pi)
         self._period, self._t = period, 0.0
 
@@ -150,7 +148,7 @@ MICRO_DAMPING = 0.005  # s, ratio of damping to stiffness of LuGre's bristles
 class Dahl:
     """Dahl's model: the torque approaches plus or minus its level exponentially with the distance moved.
 
-    d tau / d q = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
+    d tau / d|q| = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
     vibrations", AIAA Journal 14, 1976).
     """
 

@@ -56,7 +56,7 @@ class SignalLine:
             if self._noisy:
                 reading += self._mean * self._white.standard_normal(reading.shape)
             return self._saturate(reading), None
-        # The chain of errors of the 1 kHz samples, in the order of the electronics.
+        # Apply the errors of the 1 kHz samples in turn.
         samples = np.repeat(reading, BLOCK, axis=0)
         samples += self._torque.white * self._white.standard_normal(samples.shape)
         samples = self._delay(self._filter(samples))
