@@ -21,10 +21,10 @@ class SceneObject:
     """An object or a support plane that a model detected in a picture.
 
     Attributes:
-        name: as in its pose name.
+        name: name, as in the name of its pose.
         shape: primitive shape; `plane` is a support.
         bbox: (left, top, right, bottom) in the image, as fractions of its width and height.
-        height: of a plane, world z of its top as the model estimates, m; or None.
+        height: the model's estimate of the world z of a plane's top, m; or None.
         outline: corner points (x, y) of its silhouette, as fractions; None if only its box is known.
     """
 
@@ -37,7 +37,10 @@ class SceneObject:
 
 @dataclass(frozen=True, slots=True)
 class FittedShape:
-    """A shape in the world: `x`, `y` of its middle, `width`, `depth` and `height`, m; `yaw`, rad."""
+    """A shape in the world.
+
+    `x` and `y` are its middle; these, `width`, `depth` and `height` are in m. `yaw` is in rad.
+    """
 
     thing: SceneObject
     x: float
@@ -49,10 +52,10 @@ class FittedShape:
 
 
 RIM = 0.03
-"""m: least margin of a plane around the objects on it."""
+"""m, least margin of a plane around the objects on it."""
 
 FOOT = 0.20
-"""m around the arm's foot: its base reaches as far, and its hand not so near."""
+"""m, radius around the arm's foot: its base extends so far, and its hand stays outside."""
 
 
 def planes_and_things(
@@ -75,12 +78,13 @@ def planes_and_things(
 
 
 def is_mount(shape: FittedShape) -> bool:
-    """True if a shape is at the arm's foot: its base, its pedestal, part of the arm itself."""
+    """True if a shape is at the arm's foot: base, pedestal, or part of the arm itself."""
     return float(np.hypot(shape.x, shape.y)) < FOOT
 
 
 def support_of(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject:
     """The smallest plane whose box contains the foot of the object's box, else the largest."""
+    # The foot of an object is the middle of the lower edge of its box.
     x, y = (thing.bbox[0] + thing.bbox[2]) / 2, thing.bbox[3]
 
     def area(plane: SceneObject) -> float:
@@ -97,6 +101,7 @@ def support_of(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject
 
 def widen_slab(slab: FittedShape, standing: Sequence[FittedShape]) -> FittedShape:
     """The slab, enlarged so that it reaches `RIM` beyond the objects on it."""
+    # Edges of the slab, moved outwards where an object with its margin is beyond them.
     left, right = slab.x - slab.width / 2, slab.x + slab.width / 2
     near, far = slab.y - slab.depth / 2, slab.y + slab.depth / 2
     for shape in standing:
@@ -108,26 +113,28 @@ def widen_slab(slab: FittedShape, standing: Sequence[FittedShape]) -> FittedShap
     )
 
 
-# Refinement of detected boxes: a model's boxes are rough, the pixels are exact.
+# Refinement of detected boxes by pixels: the model's boxes are rough.
 
 
 SPREADS = 5.0
-"""Robust standard deviations from the table's colour beyond which a pixel is of another colour: six in
-ten million of a Gaussian."""
+"""Number of robust standard deviations from the table's colour for a pixel of another colour.
+
+Six in ten million pixels of a Gaussian distribution are beyond it.
+"""
 FINEST = 0.012
-"""Least standard deviation of a colour's share: three steps of 8 bits, the noise of JPEG."""
+"""Least standard deviation of a colour's share: three steps of 8 bits, as JPEG noise."""
 SHADOW, GLARE = 0.35, 1.25
-"""Brightness of the table's shadow and of its shine, relative to its own."""
+"""Brightness limits of the table's shadow and glare, relative to its usual brightness."""
 NEAR = 0.12
 """Search distance around the model's box, relative to the image's diagonal."""
 ALIKE = 0.6
-"""Least ratio of width and height between region and box, either way."""
+"""Least ratio of widths and of heights between region and box, in both senses."""
 BARE = 0.05
-"""Most pixels of another colour in a box of bare table, as a share."""
+"""Largest share of pixels of another colour in a box of bare table."""
 LEAST = 40
-"""Least pixels of a region."""
+"""Least number of pixels of a region."""
 POINTS = 32
-"""Directions in which an outline is sampled."""
+"""Number of directions in which an outline is sampled."""
 
 Pixels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
@@ -136,18 +143,20 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColourRegion:
-    """Connected region of another colour than the table: `box` (left, top, right, bottom) and
-    `outline` (n, 2), pixels."""
+    """Connected region of another colour than the table.
+
+    `box` is (left, top, right, bottom) and `outline` (n, 2), in pixels.
+    """
 
     box: Box
     outline: Array
 
 
 def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObject, ...]:
-    """Refine boxes, and add outlines, by `pixels` (height, width, 3), where these are unambiguous.
+    """Refine boxes and add outlines by `pixels` (height, width, 3), if these are unambiguous.
 
     Raises:
-        InputError: a box shows bare table, and what is of its size stands elsewhere.
+        InputError: a box shows bare table, and a region of its size is elsewhere.
     """
     planes = [thing for thing in objects if thing.shape == "plane"]
     things = [thing for thing in objects if thing.shape != "plane" and thing.outline is None]
@@ -155,6 +164,7 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
         return tuple(objects)
     pieces = _pieces(pixels, planes)
     size = np.array([pixels.shape[1], pixels.shape[0]], dtype=float)
+    # Assign regions to boxes; a box of bare table near a free region is an error.
     pieces_of = {thing.name: _own_piece(thing, things, pieces, size) for thing in things}
     found: list[SceneObject] = []
     for thing in objects:
@@ -166,6 +176,7 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
                 thing, [piece for piece in free if _is_similar_size(thing, piece, size)], size
             )
         if piece is not None:
+            # Box and outline of the region as fractions of the image.
             left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
             outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
             thing = replace(thing, bbox=(left, top, right, bottom), outline=outline)
@@ -174,7 +185,7 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
 
 
 def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]:
-    """Regions on the planes of another colour than the plane's."""
+    """Connected regions within planes, of another colour than the plane."""
     from scipy.ndimage import (
         binary_closing,
         binary_fill_holes,
@@ -191,12 +202,13 @@ def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]
         view = pixels[top:bottom, left:right]
         if view.size == 0:
             continue
+        # Remove single pixels, close gaps, fill holes, and label connected regions.
         other = binary_opening(_other_colour(view), iterations=1)
         other = binary_fill_holes(binary_closing(other, iterations=3))
         labels, _ = label(other)
         for number, (rows, columns) in enumerate(find_objects(labels), start=1):
             mask: Mask = labels[rows, columns] == number
-            # A region at the edge of the plane's box may go on beyond it.
+            # A region at the edge of the plane's box may continue outside of it.
             is_inside = rows.start > 0 and columns.start > 0
             is_inside &= rows.stop < view.shape[0] and columns.stop < view.shape[1]
             if mask.sum() >= LEAST and is_inside:
@@ -205,14 +217,15 @@ def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]
 
 
 def _other_colour(view: Pixels) -> Mask:
-    """Mask of pixels of another colour, or brighter or darker than the table's shine and shadow."""
-    # Shares of red and green in the light do not depend on the brightness; the median is the table's.
+    """Mask of pixels of another colour, or brighter or darker than the table's glare and shadow."""
+    # Shares of red and green do not depend on the brightness. Their median is the table's colour.
     light = view.astype(float).sum(axis=2) + 3.0
     shares = (view[..., :2] + 1.0) / light[..., None]
     middle = np.median(shares.reshape(-1, 2), axis=0)
     # Median absolute deviation, scaled to a Gaussian's standard deviation.
     spread = 1.4826 * np.median(np.abs(shares - middle).reshape(-1, 2), axis=0)
     off = np.abs(shares - middle) / np.maximum(spread, FINEST / 3)
+    # Brightness outside of the range from shadow to glare.
     usual = float(np.median(light))
     unlit = (light < SHADOW * usual) | (light > GLARE * usual)
     return (off.max(axis=2) > SPREADS) | unlit
@@ -239,7 +252,7 @@ def directions(count: int) -> Array:
 def _own_piece(
     thing: SceneObject, things: Sequence[SceneObject], pieces: Sequence[ColourRegion], size: Array
 ) -> ColourRegion | None:
-    """The nearest region of about the size of a box, unless another object's box is nearer to it."""
+    """The nearest region of similar size to a box, unless another object's box is nearer to it."""
     reach = NEAR * float(np.hypot(*size))
     near = [piece for piece in pieces if _is_similar_size(thing, piece, size)]
     if not near:
@@ -253,7 +266,7 @@ def _own_piece(
 
 
 def _is_similar_size(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
-    """True if a region is about as wide and high as an object's box."""
+    """True if a region and an object's box have similar width and height."""
     box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
     ratio = (corners[1] - corners[0]) / (box[1] - box[0])
     return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
@@ -266,13 +279,14 @@ def _overlap(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
 
 
 def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixels) -> bool:
-    """True if a box within a plane's shows the plane's colour alone."""
+    """True if a box within a plane's box shows only the plane's colour."""
     size = np.array([pixels.shape[1], pixels.shape[0]])
     for plane in planes:
         first, last = (np.array(plane.bbox).reshape(2, 2) * size).round().astype(int)
         low, high = (np.array(thing.bbox).reshape(2, 2) * size).round().astype(int)
         if (low < first).any() or (high > last).any() or (high <= low).any():
             continue
+        # Share of pixels of another colour in the box, with the plane as reference.
         other = _other_colour(pixels[first[1] : last[1], first[0] : last[0]])
         (left, top), (right, bottom) = low - first, high - first
         return bool(other[top:bottom, left:right].mean() < BARE)
@@ -280,7 +294,7 @@ def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixe
 
 
 def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array) -> None:
-    """Refuse a box of bare table where the picture has something of its size elsewhere.
+    """Refuse a box of bare table if the picture has a region of its size elsewhere.
 
     Raises:
         InputError: with the nearest one's distance and size, worded for the model.

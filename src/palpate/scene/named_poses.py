@@ -1,8 +1,8 @@
-"""Symbols derived from the scene's geometry, and overruled by `poses.yaml`.
+"""Symbols derived from the scene's geometry; `poses.yaml` takes precedence.
 
-Objects are the points of their geoms in the world, surfaces those of their carrier geom. Seen from
-above, a grasp is a strip of the object between the fingers, a temporary pose a spot of the surface
-with room for object and hand, an approach a spot for the closed fingers:
+Objects are the points of their geoms in the world, and surfaces those of their carrier geom. Seen from
+above, a grasp is a strip of the object between the fingers. A temporary pose is a spot of the surface
+with room for object and hand. An approach is a spot for the closed fingers:
 
         +----------------------- surface ------------------------+
         |    o approach: hand clear of everything                |
@@ -50,25 +50,25 @@ from palpate.scene.symbols import (
 )
 
 LIFT = (0.10, 0.35)
-"""m: bounds of a derived `z_offset`."""
+"""m, bounds of a derived `z_offset`."""
 
 USUAL_LIFT = RETREAT
-"""m: least derived `z_offset`."""
+"""m, default of a derived `z_offset`; neighbours may require a larger one."""
 
 CORRIDOR = 0.15
-"""m: half width of the corridor from the arm to an object, in which a lift clears neighbours."""
+"""m, half width of the corridor from the arm to an object, in which a lift clears neighbours."""
 
 LEVEL_TOP = 0.001
-"""m below an object's highest point, down to which points belong to its top."""
+"""m, depth below an object's highest point down to which points belong to its top."""
 
 CLEAR = 0.02
-"""m: between a carried object's bottom and the top of a neighbour."""
+"""m, clearance between a carried object's bottom and the top of a neighbour."""
 
 
 def derive_symbols(
     resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
 ) -> Symbols:
-    """All symbols of a scene: those of poses.yaml, the others from geometry."""
+    """All symbols of a scene, from poses.yaml and from geometry."""
     geometry = Geometry.of(resolved, bodies, base, arm)
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
@@ -79,6 +79,7 @@ def derive_symbols(
     }
     poses = _poses(geometry, grasps | held, entries)
     later = _later(geometry, poses)
+    # Offsets of an object: derived ones, then common ones, then its own of poses.yaml.
     common, special = given_offsets(entries)
     for name in special:
         if name not in grasps | held:
@@ -91,6 +92,7 @@ def derive_symbols(
         lift = {"z_offset": _lift(geometry, geometry.handles[name], poses[f"{name}_pose"], name)}
         own[name] = vectors(DEFAULT_OFFSETS) | lift | common | special.get(name, {})
     lines = _lines(geometry, poses, own)
+    # Names of poses with the body that they belong to.
     subjects: dict[str, str] = {}
     for name in geometry.objects:
         for kind in ("pose", "temporary", "top", "across", "balance"):
@@ -113,7 +115,7 @@ def derive_symbols(
 
 
 def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, Pose]:
-    """Derived grasps and approaches, overruled by poses.yaml."""
+    """Poses of grasps and approaches; entries of poses.yaml replace derived ones."""
     poses = {f"{name}_pose": grasp.pose for name, grasp in grasps.items()}
     # Grasps of poses.yaml are in the object's frame, places in the world.
     for name, entry in entries.grasps.items():
@@ -137,8 +139,10 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """Functions for the poses that poses.yaml does not give: temporary poses, poses above objects, and
-    grasps turned by 90°."""
+    """Functions that compute poses on demand, unless poses.yaml gives them.
+
+    They are temporary poses, poses above objects, and grasps turned by 90°.
+    """
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]
@@ -163,8 +167,11 @@ def fronts(
 def _lines(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, PoseLine]:
-    """Segments of possible balance points about the grasps of objects: to twice their x_offset, if
-    that is more than half the pads, and poses.yaml does not give the pose."""
+    """Segments of possible balance points about the grasps of objects.
+
+    They reach to twice the x_offset on both sides. Shorter ones than the pads are left out, and so are
+    balance poses that poses.yaml gives.
+    """
     lines: dict[str, PoseLine] = {}
     for name in geometry.objects:
         pose, body = poses[f"{name}_pose"], geometry.bodies[name]
@@ -186,7 +193,7 @@ def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
 
 
 def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
-    """The grasp of an object turned by 90°; None where it does not fit the hand."""
+    """The grasp of an object turned by 90°; None if it does not fit the hand."""
     others = geometry.others(name, geometry.support(name))
     found = turned_grasp(
         geometry.arm, geometry.objects[name], others, pose_world_tcp, geometry.base
@@ -207,10 +214,13 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
 
 
 def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose | None:
-    """TCP pose at which the object, grasped at its pose of `poses`, stands on a free spot of its
-    surface; None without one. An object stacked on another is put down on the surface first."""
-    # Two outlines are moved together: that of object and hand must be clear of all that reaches above
-    # the object's bottom, its present place included; the object's box must be on the surface.
+    """TCP pose with the grasped object on a free spot of its surface; None without one.
+
+    The object is grasped at its pose of `poses`. An object on top of another one is put down on the
+    surface first.
+    """
+    # Two outlines move together. That of object and hand must be clear of all obstacles above the
+    # object's bottom, its current place included. The object's box must be on the surface.
     support, pose_world_tcp = geometry.support(name), poses[f"{name}_pose"]
     if support is None:
         return None
@@ -219,8 +229,9 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
     x, y = geometry.arm.hand.half_extents
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
     shape = rim(np.concatenate([cloud[:, :2], hand])) - here
-    # The box around the object, on which it comes to stand.
+    # Bounding box of the object seen from above: it must be on the surface.
     footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
+    # An object on top of another one goes down to the surface itself.
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
     drop = stacked if stacked > RESTING else 0.0
     bottom = float(cloud[:, 2].min()) - drop
@@ -245,7 +256,7 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
 def _put_down_before(
     geometry: Geometry, name: str, poses: Mapping[str, Pose]
 ) -> Iterator[Obstacle]:
-    """Yield objects that stand on an object, at their temporary poses before it is moved."""
+    """Yield the objects on an object, at their temporary poses: they are moved away first."""
     low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
     for other, cloud in geometry.clouds.items():
         centre = np.array(middle(cloud))
@@ -258,8 +269,8 @@ def _put_down_before(
 
 
 def _grasp(geometry: Geometry, name: str) -> Grasp:
-    """The grasp among the neighbours, else the one after other objects are moved away."""
-    # Yaw of the object: heading of the body's axis that is most horizontal.
+    """The grasp among the neighbours; without one, the grasp with all other objects moved away."""
+    # Yaw of the object: heading of the most horizontal axis of its frame.
     rotation = geometry.bodies[name].pose_world.rotation
     level = int(np.argmax(np.hypot(rotation[0], rotation[1])))
     yaw = float(np.arctan2(rotation[1, level], rotation[0, level]))
@@ -282,9 +293,12 @@ def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
-    """Offsets (3,), m: along x half of the grasp's slack beyond the pads, along y a quarter of the
-    width, along z a lift clear of neighbours."""
-    # At least 5 mm, also where the grasp has no slack.
+    """Offsets (3,), m, of an object.
+
+    Along x half of the grasp's slack beyond the pads, along y a quarter of the width, along z a lift
+    that clears the neighbours.
+    """
+    # At least 5 mm, even if the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)
     return {
@@ -295,8 +309,12 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) -> Array:
-    """(3,) m, upwards: clear of the neighbours of `geoms`, which are `name`'s; of a level hand, back."""
+    """Lift (3,), m, upwards, that clears the neighbours; for a level hand, its retreat.
+
+    `geoms` are the shapes of the body `name`.
+    """
     lift, bottom = USUAL_LIFT, min(float(geom.points[:, 2].min()) for geom in geoms)
+    # Only neighbours in the corridor to the arm are in the way of a carried object.
     for other in geometry.others(name) if points_down(pose) else ():
         if _on_the_way(other.outline, pose, geometry.base):
             lift = max(lift, other.top + CLEAR - bottom)
@@ -308,7 +326,7 @@ def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
     way = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)
-    # Distance of the outline's box from the point of the way nearest to its middle.
+    # Distance of the outline's box from the point of the path nearest to its middle.
     share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
     nearest = start + share * way
     apart = np.maximum(np.maximum(low - nearest, nearest - high), 0)

@@ -1,4 +1,4 @@
-"""A scene from detections: shapes fitted to boxes or outlines in the image of a pinhole camera."""
+"""Scene from detections: shapes fitted to boxes or outlines in the image of a pinhole camera."""
 
 from __future__ import annotations
 
@@ -32,17 +32,17 @@ from palpate.scene.scene import Scene
 from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, configurations, given_offsets, vectors
 
 FAR = 3.0
-"""m: largest horizontal distance of a shape from the camera."""
+"""m, largest horizontal distance of a shape from the camera."""
 
 MISFIT = 0.04
-"""Largest distance between the sides of a fitted shape and of the box, relative to the image's height."""
+"""Largest distance between sides of the fitted shape and of the box, relative to the image's height."""
 
 TURNS = (-30.0, 0.0, 30.0, 60.0)
-"""degrees: initial yaws of a block."""
+"""Degrees, initial yaws of a block."""
 NECKS = ((0.95, 0.95), (0.6, 0.5))
-"""Initial shoulder and neck as shares of height and width: nearly none, and a bottle's."""
+"""Initial shoulder and neck as shares of height and width: almost no neck, and that of a bottle."""
 SCALES = np.array([0.1, 0.1, 0.1, 0.1, 0.5, 0.5])
-"""m, and rad or a share: scales of the parameters in the search."""
+"""Scales of the parameters in the search: m, then rad or a share."""
 
 _CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)
 _RING = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
@@ -52,10 +52,12 @@ _SQUARE = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 def fit(
     camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None = None
 ) -> FittedShape:
-    """Fit a shape on the level plane at world z `level` to its box in the image, at `placed` if given.
+    """Fit a shape on the level plane at world z `level` to its box in the image.
+
+    With `placed`, its position and yaw are given. An outline refines blocks and cylinders.
 
     Raises:
-        InputError: no such shape fits; worded for the model.
+        InputError: no such shape fits; the message addresses the model.
     """
     found = _upright(camera, thing, level, placed)
     if thing.outline is None or placed is not None:
@@ -70,14 +72,17 @@ def fit(
 def _upright(
     camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None
 ) -> FittedShape:
-    """Fit to the four sides of its box; a block is square, and turned only where it is placed."""
+    """Fit a shape to the four sides of its box by least squares.
+
+    A block is square, and turned only if it is `placed`.
+    """
     from scipy.optimize import least_squares
 
     left, top, right, bottom = thing.bbox
     width, height = camera.width, camera.height
     wanted = np.array([left * width, top * height, right * width, bottom * height])
     start = _start(camera, thing, wanted, level, placed)
-    # Where an object is placed, x and y are given and only the size is fitted.
+    # For a placed object, x and y are given and only the size is fitted.
     yaw, free = 0.0, slice(0, None)
     if placed is not None:
         yaw, free = placed.yaw or 0.0, slice(2, None)
@@ -89,11 +94,12 @@ def _upright(
         return np.concatenate([seen.min(axis=0), seen.max(axis=0)]) - wanted
 
     low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
-    # Sizes are at least 2 mm; the start must be inside of the bounds.
+    # Sizes are at least 2 mm. The start must be inside of the bounds.
     found = least_squares(
         residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1
     )
     start[free] = found.x
+    # A poor fit, or a shape far away, shows that shape, box or plane is wrong.
     foot = camera.pose_world_camera.position[:2]
     misfit = 0.0
     if placed is None:
@@ -110,13 +116,14 @@ def _fit_turned_block(
     camera: Camera, thing: SceneObject, level: float, square: FittedShape
 ) -> FittedShape:
     """Fit a block with any two sides and yaw to its outline."""
+    # Start from the square block at several yaws, as the outline has local optima.
     half = square.width / 2
     starts = [[square.x, square.y, half, half, square.height / 2, yaw] for yaw in np.radians(TURNS)]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.002, -np.inf]
     high = [np.inf] * 6
     best = _fit_outline(camera, thing, lambda v: _cuboid(v, level), starts, low, high)
     x, y, half, half_depth, half_height, yaw = map(float, best)
-    # The same block turned by at most 45°: quarter turns exchange its sides.
+    # Normalise the yaw to at most 45°: quarter turns exchange the sides.
     quarters = round(yaw / (np.pi / 2))
     if quarters % 2:
         half, half_depth = half_depth, half
@@ -129,7 +136,8 @@ def _fit_turned_block(
 def _fit_necked_cylinder(
     camera: Camera, thing: SceneObject, level: float, straight: FittedShape
 ) -> FittedShape:
-    """Fit a cylinder that encloses an object with a neck: its widest part and its top."""
+    """Fit a cylinder that encloses an object with a neck: widest radius and full height."""
+    # Start from the straight cylinder with and without a neck.
     radius, half = straight.width / 2, straight.height / 2
     starts = [[straight.x, straight.y, radius, half, *shares] for shares in NECKS]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.1, 0.1]
@@ -147,12 +155,14 @@ def _fit_outline(
     low: Sequence[float],
     high: Sequence[float],
 ) -> Array:
-    """Parameters of the shape whose extent in each direction of the image is that of the object's
-    outline; the best of the fits from `starts`."""
+    """Parameters of the shape that fits an outline best, over the fits from `starts`.
+
+    The residuals are the differences of the support functions h(d) = max x . d in all directions d.
+    """
     from scipy.optimize import least_squares
 
     assert thing.outline is not None
-    # The support function of both: the largest projection on each of the outline's directions.
+    # Support function of the outline: largest projection on each direction, pixels.
     ways = directions(len(thing.outline))
     size = np.array([camera.width, camera.height])
     reach = (np.array(thing.outline) * size @ ways.T).max(axis=0)
@@ -168,7 +178,10 @@ def _fit_outline(
 
 
 def _bottle(values: Array, level: float) -> Array:
-    """(n, 3) rings at the foot, the shoulder and the top; shares of height and width place the last two."""
+    """(n, 3) points of rings at the foot, the shoulder and the top.
+
+    `shoulder` is a share of the height, and `neck` a share of the width.
+    """
     x, y, radius, half, shoulder, neck = values
     ring, top = radius * _RING, neck * radius * _RING
     middle = np.array([x, y])
@@ -182,7 +195,7 @@ def _bottle(values: Array, level: float) -> Array:
 
 
 def _cuboid(values: Array, level: float) -> Array:
-    """(8, 3) corners."""
+    """(8, 3) corners of a block."""
     x, y, half, half_depth, half_height, yaw = values
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     corners = np.array([x, y]) + _SQUARE * np.array([half, half_depth]) @ turn.T
@@ -192,7 +205,10 @@ def _cuboid(values: Array, level: float) -> Array:
 
 
 def project_points(camera: Camera, points: Array) -> Array:
-    """(n, 2) pixels of (n, 3) world points; points behind the camera are far outside of the image."""
+    """(n, 2) pixels of (n, 3) world points.
+
+    The depth is at least 1 cm, so that points behind the camera are far outside of the image.
+    """
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
     right = camera.width / 2 + camera.focal * local[:, 0] / depth
@@ -204,7 +220,7 @@ def _start(
     camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
 ) -> Array:
     """Initial x, y and half extents, m."""
-    # An object stands where the lower edge of its box meets the plane; a plane lies at its middle.
+    # The foot of an object is at the lower edge of its box, the middle of a plane at the box's middle.
     middle, foot = (box[0] + box[2]) / 2, box[3]
     if thing.shape == "plane":
         foot = (box[1] + box[3]) / 2
@@ -213,6 +229,7 @@ def _start(
         raise InputError(
             f"scene: the bbox of '{thing.name}' is above the horizon of a plane at z = {level:.3f} m"
         )
+    # Half extents by similar triangles: pixels times distance over focal length.
     distance = float(np.linalg.norm(at - camera.pose_world_camera.position))
     half = np.clip(distance * (box[2:] - box[:2]) / camera.focal / 2, 0.005, 1.0)
     x, y = at[:2]
@@ -232,6 +249,7 @@ def _cylinder(values: Array, level: float, _: float) -> Array:
 def _ball(values: Array, level: float, _: float) -> Array:
     x, y, radius = values
     rings: list[Array] = []
+    # Rings at several latitudes.
     for tilt in np.linspace(-np.pi / 2, np.pi / 2, 17):
         ring = np.array([x, y]) + radius * np.cos(tilt) * _RING
         rings.append(_raise_outline(ring, level + radius * (1 + np.sin(tilt))))
@@ -258,16 +276,17 @@ _FITTED: Mapping[Shape, Callable[[SceneObject, Array, float], FittedShape]] = {
 }
 
 
-# A scene from the detections of a model in a picture: boxes in the image become metric shapes on a
-# plane.
+# Scene from the detections of a model in a picture: metric shapes on planes.
 
 
 SEEN_ACCURACY = 0.005
-"""m: standard deviation of a position from a picture, two pixels of 2.5 mm each at a workplace.
-`accuracy` in poses.yaml overrules it."""
+"""m, standard deviation of a position from a picture: two pixels of 2.5 mm each at a workplace.
+
+`accuracy` in poses.yaml takes precedence.
+"""
 
 THICKNESS = 0.02
-"""m: of the slab that represents a plane."""
+"""m, thickness of the slab that represents a plane."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -293,7 +312,7 @@ class SceneBuilder:
 
     @property
     def symbols(self) -> Symbols:
-        """The names that `poses.yaml` gives, before any detection."""
+        """The names in `poses.yaml`, before any detection."""
         poses: dict[str, Pose] = {}
         subjects: dict[str, str] = {}
         for name, entry in self.poses.objects.items():
@@ -313,7 +332,7 @@ class SceneBuilder:
     def from_detections(
         self, objects: Sequence[SceneObject], images: Sequence[Path] = ()
     ) -> DetectedScene:
-        """Detections of a model in the first of `images`, refined by its pixels.
+        """Scene of detections in the first of `images`, refined by its pixels.
 
         Raises:
             InputError: the image cannot be read, or a box shows bare table.
@@ -331,16 +350,18 @@ class DetectedScene:
     objects: tuple[SceneObject, ...]
 
     def scene(self, heights: Mapping[str, float] | None = None) -> Scene:
-        """Fit the scene; `heights` are measured tops of planes, world z in m. Its `refit` fits it
-        again to others.
+        """Fit the scene; `heights` are measured tops of planes, world z in m.
+
+        The `refit` of the scene fits it again to other heights.
 
         Raises:
-            InputError: no plane, or a box that no such shape fills; worded for the model.
+            InputError: no plane, or a box that no such shape fills; the message addresses the model.
         """
         measured = dict(heights or {})
         planes, things = planes_and_things(self.objects)
         known = self.template.poses
         camera, given = self.template.camera, known.objects
+        # Height of each plane: measured, else from poses.yaml, else the model's estimate.
         levels: dict[str, float] = {}
         for plane in planes:
             level = plane.height or 0.0
@@ -350,7 +371,7 @@ class DetectedScene:
                 level = known.places[f"{plane.name}_approach"].pos[2] - APPROACH
             levels[plane.name] = measured.get(plane.name, level)
 
-        # Objects first: a plane must reach as far as they do. A shape at the arm's foot is the arm.
+        # Fit objects first, as a plane must extend below them. A shape at the arm's foot is the arm.
         fitted: list[FittedShape] = []
         standing: dict[str, list[FittedShape]] = {plane.name: [] for plane in planes}
         for thing in things:
@@ -385,6 +406,7 @@ class DetectedScene:
         """Content of `poses.yaml` for the built scene, without names that are not in it."""
         names = {shape.thing.name for shape in (*slabs, *things)}
         given = self.template.poses
+        # The fitted planes get their heights as poses.
         tops: dict[str, ObjectEntry] = {}
         for slab in slabs:
             tops[slab.thing.name] = ObjectEntry(pos=(slab.x, slab.y, levels[slab.thing.name]))
@@ -407,7 +429,7 @@ def _mjcf(slabs: Sequence[FittedShape], things: Sequence[FittedShape], poses: Po
         return " ".join(number(v) for v in values)
 
     def metres(*values: float) -> str:
-        return " ".join(f"{v:.4f}" for v in values)  # to a tenth of a millimetre
+        return " ".join(f"{v:.4f}" for v in values)  # resolution 0.1 mm
 
     lines = [
         "<!-- Built from a picture: the shapes fill the boxes that a model saw in it. -->",

@@ -1,7 +1,7 @@
 """`poses.yaml`: poses from a pose estimator or a person. Angles in rad, lengths in m.
 
 objects: {bottle: {pos: [0.5, 0.1, 0.8], yaw: 0.3}}       # pose of the body frame in the world
-         {box: {pos: [0.4, 0, 0.8], source: picture, std: 0.003}}  # from a picture, to 3 mm, as its size is
+         {box: {pos: [0.4, 0, 0.8], source: picture, std: 0.003}}  # from a picture: pose and size ± 3 mm
          {tin: {pos: [0.5, 0, 0.8], source: seen, covariance: [[...], ...]}}  # by a camera (palpate see)
 places: {shelf_approach: {pos: [0.4, 0.2, 0.6]}}          # pose of the TCP; top-down unless quat is
     given
@@ -42,11 +42,11 @@ Covariance = Annotated[
     tuple[_Row, _Row, _Row, _Row, _Row, _Row],
     AfterValidator(lambda rows: _require_covariance(rows)),
 ]
-"""Of position, m, and small rotation, rad, along the world's axes."""
+"""Covariance of position, m, and small rotation, rad, along the world's axes."""
 
 
 _FORM = re.compile(r"constrained-|\[")
-"""Pattern of steps in pydantic's location of an error that name a type and no key."""
+"""Pattern of steps in pydantic's error location that name a type instead of a key."""
 
 
 class _Strict(BaseModel):
@@ -92,12 +92,12 @@ class ObjectEntry(PoseEntry):
     """Pose of an object or a surface, and where it comes from."""
 
     source: Literal["picture", "stated", "seen"] = "stated"
-    """`picture`: pose and size are from one, and unsure; what the fingers feel on the way corrects the size.
+    """`picture`: pose and size are from a picture and uncertain; contacts of the fingers correct the size.
     `seen`: a camera measured the pose, and the size is the scene's."""
     std: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
-    """m (1 sigma), how far its pose and size may be off; stating it marks them unsure, too."""
+    """Standard deviation of its position and size, m; stating it marks them as uncertain."""
     covariance: Covariance | None = None
-    """Of its pose: position, m, and rotation, rad, along the world's axes, 6 lists of 6 numbers."""
+    """Covariance of its pose, 6 lists of 6 numbers: position, m, and rotation, rad, along the world's axes."""
 
     @model_validator(mode="after")
     def _one_accuracy(self) -> ObjectEntry:
@@ -107,12 +107,15 @@ class ObjectEntry(PoseEntry):
 
     @property
     def is_unsure(self) -> bool:
-        """True if its size may be corrected by what is felt on the way."""
+        """True if its size is uncertain, and contacts may correct it."""
         return self.source == "picture" or self.std is not None
 
     @property
     def accuracy(self) -> float | None:
-        """Standard deviation of its position seen from above, m, the largest; None where not stated."""
+        """Largest standard deviation of its horizontal position, m; None if not stated.
+
+        It is the square root of the larger eigenvalue of the (2, 2) covariance of x and y.
+        """
         if self.covariance is None:
             return self.std
         (xx, xy, *_), (_, yy, *_), *_ = self.covariance
@@ -152,8 +155,7 @@ class Poses(_Strict):
     camera: CameraEntry | None = None
     """The camera that took the picture."""
     accuracy: Annotated[float, Field(gt=0.0, le=0.1)] | None = None
-    """m (1 sigma), how far an object may be from where it is said to stand; what poses that were
-    measured are known to, where it is left out."""
+    """Standard deviation of the objects' positions, m; without it, the accuracy of measured poses applies."""
 
 
 def read_poses(path: Path) -> Poses:
@@ -166,10 +168,11 @@ def read_poses(path: Path) -> Poses:
 
 
 def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
-    """The poses with the camera of the arm's robot.yaml where they have none."""
+    """The poses, with the camera of the arm's robot.yaml if they have none."""
     camera = arm.config.camera if arm.config is not None else None
     if poses.camera is not None or camera is None or camera.on_hand:
         return poses
+    # The camera's pose in robot.yaml is relative to the arm.
     stands = arm.stands(pose_world_base) @ Pose.of(camera.pos, camera.quat)
     pos, quat = tuple(stands.position.tolist()), tuple(stands.quaternion.tolist())
     entry = {"pos": pos, "quat": quat, "fovy": camera.fovy, "size": camera.size}
@@ -209,10 +212,10 @@ _SINGLE = ("camera", "accuracy")
 def _complaint(invalid: ValidationError) -> str:
     """Message with the error, its keys, and the expected form."""
     errors = invalid.errors()
-    # An unknown key is the likelier mistake where several types of an entry were tried.
+    # An unknown key is the most likely error if several types of an entry were tried.
     unknown = [error for error in errors if error["type"] == "extra_forbidden"]
     first = (unknown or errors)[0]
-    # Where an entry may have one of several types, some steps name a type and no key.
+    # Steps of an entry with several possible types may name a type instead of a key.
     steps = [str(step) for step in first["loc"] if not _FORM.search(str(step))]
     if not steps:
         return f"needs keys: {', '.join(_FORMS)}"
@@ -234,6 +237,7 @@ def _complaint(invalid: ValidationError) -> str:
 def _require_covariance(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:
     import numpy as np
 
+    # A covariance is symmetric and positive semidefinite, up to rounding.
     array = np.array(rows)
     rounding = 1e-6 * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=rounding) or np.linalg.eigvalsh(array)[0] < -rounding:

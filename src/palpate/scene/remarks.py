@@ -1,4 +1,4 @@
-"""Remarks on a scene: contradictions, interpretations, omissions."""
+"""Remarks on a scene: contradictions, interpretations and omissions."""
 
 from __future__ import annotations
 
@@ -19,30 +19,35 @@ from palpate.scene.resolve import ResolvedScene
 from palpate.scene.scene import Scene
 
 DEEP = 0.003
-"""m of penetration from which bodies overlap: stated poses are about as accurate, and MuJoCo's contacts at
-rest are less deep."""
+"""m, least penetration of overlapping bodies.
+
+Stated poses have about this accuracy, and MuJoCo's contacts at rest are less deep.
+"""
 MOVED = 0.001
-"""m: an object nearer to its place in a keyframe, or to the top below it, is there."""
+"""m, largest distance at which an object is at its place in a keyframe, or on the top below it."""
 TURNED = 0.01
-"""rad: an object turned less from its orientation in a keyframe has it."""
+"""rad, largest turn at which an object has its orientation in a keyframe."""
 NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
-"""Numbers in `qpos` of a joint, by its kind; one for the others."""
+"""Count of numbers in `qpos` by kind of joint; one for all others."""
 GENERATED = ("replicate", "attach", "flexcomp", "composite")
-"""Elements from which MuJoCo makes joints that are not in the file."""
+"""Elements that make MuJoCo generate joints that are not in the file."""
 
 
 def contradictions(scene: ResolvedScene) -> Iterator[str]:
     """Yield a sentence for each contradiction, with its remedy."""
+    # A total mass rescales all masses, the measured ones included.
     total = compiler_settings(scene.document.root).get("settotalmass", "")
     if total and not total.strip().startswith("-"):
         yield (
             f'<compiler settotalmass="{total}"> scales every mass: no mass acts as it '
             "is written, and a measured one cannot be stated; remove it."
         )
+    # Bodies that no plan may touch.
     for untouchable, reason in scene.description.roles.untouchable.items():
         called = untouchable.get("name")
         shown = f"'{called}'" if called else label(untouchable)
         yield f"Nothing is measured of {shown}: {reason}."
+    # Keyframes that place objects elsewhere, and bodies inside each other.
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
         yield (
@@ -52,6 +57,7 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
     for sentence in overlaps(scene).values():
         yield f"{sentence}."
     for name, body in scene.description.bodies.items():
+        # An open z is resolved by the top of the body below.
         if body.role == "object" and _has_open_z(scene, name):
             placed = replace(body, shapes=scene.shapes)
             for other in (replace(other, shapes=scene.shapes) for other in body.objects()):
@@ -66,7 +72,10 @@ def overlap_of(scene: ResolvedScene, name: str) -> str:
 
 
 def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
-    """Describe each object that is inside another body, the deepest first, by the names of object and body."""
+    """Describe each object that overlaps another body, the deepest overlap first.
+
+    Keys are the names of object and body. The depths come from MuJoCo's contacts at the given poses.
+    """
     model, data = scene.shapes.model, mujoco.MjData(scene.shapes.model)
     mujoco.mj_fwdPosition(model, data)
     bodies, ids = scene.description.bodies, scene.shapes.geom_ids
@@ -76,6 +85,7 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
     found: dict[tuple[str, str], str] = {}
     for depth, pair in sorted(zip((-data.contact.dist).tolist(), geoms, strict=True), reverse=True):
         names = [owners.get(geom) or model.body(model.geom_bodyid[geom]).name for geom in pair]
+        # One sentence for each pair, with the object first.
         first, second = sorted(names, key=lambda name: name not in objects)
         if depth < DEEP or first == second or first not in objects or (first, second) in found:
             continue
@@ -92,14 +102,15 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
 
 
 def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
-    """Find the objects that a keyframe places elsewhere than their pos or turns, by the keyframe's name. None
-    is found in a file with `GENERATED` joints.
+    """Find the objects that a keyframe moves or turns away from their pose, by the keyframe's name.
+
+    The result is empty for a file with `GENERATED` joints, whose order in `qpos` is unknown.
 
     Raises:
         InputError: a keyframe's `qpos` is no numbers, or not as many as the joints have.
     """
     root, defaults = scene.document.root, scene.description.roles.defaults
-    # Each joint's place in qpos: MuJoCo counts the joints in the order of the file.
+    # Start of each joint's numbers in qpos: MuJoCo counts the joints in the order of the file.
     starts: dict[Element, int] = {}
     at = 0
     for world in root.iterfind("worldbody"):
@@ -120,6 +131,7 @@ def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
                 f"{label(key)}: qpos has {len(qpos)} numbers, the scene's joints {total}; give {total}"
             )
         for name, body in scene.description.bodies.items():
+            # Compare the seven numbers of a free joint with the pose of the file.
             at = starts.get(body.elements.element, len(qpos))
             if body.role == "object" and len(qpos) >= at + 7 and any(qpos[at + 3 : at + 7]):
                 there = Pose.of(qpos[at : at + 3], qpos[at + 3 : at + 7])
@@ -135,18 +147,18 @@ def _has_open_z(scene: ResolvedScene, name: str) -> bool:
     return body is not None and has_unknown(body.elements.element, "pos", 2)
 
 
-# Remarks on the reading of a scene: interpretations, omissions, and reasons why nothing is missing.
+# Remarks on the interpretation of a scene, on omissions, and on scenes without unknowns.
 
 
 LISTED = 8
-"""Most names in a sentence."""
+"""Largest number of names in a sentence."""
 
 SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
 """Element that places the arm in a scene."""
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:
-    """Sentences that explain how the file was read."""
+    """Sentences that explain the interpretation of the file."""
     parts = (
         _robots,
         _base,
@@ -174,7 +186,7 @@ def _robots(scene: Scene) -> Iterator[str]:
 
 
 def _base(scene: Scene) -> Iterator[str]:
-    """Yield remarks on the arm's base where it is not stated, or too far from objects."""
+    """Yield remarks on an arm's base that is not stated, or too far from objects."""
     robots = scene.resolved.description.roles.robots
     no_site = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
     if no_site and not robots:
@@ -182,6 +194,7 @@ def _base(scene: Scene) -> Iterator[str]:
             f"There is no site '{BASE_SITE}' and no robot: the arm is taken to stand at the origin. "
             f"Where it does not, add {SITE} to the worldbody."
         )
+    # Objects out of reach are often a sign of a wrong base.
     far: list[str] = []
     for name, body in scene.objects.items():
         spot = body.pose_world.position[None, :2]

@@ -1,8 +1,8 @@
-"""A scene's file with beliefs for everything unknown: the basis of simulated models and of the twin.
+"""A scene's file with beliefs for all unknowns: the basis of simulated models and of the twin.
 
-One set of rules turns values of quantities into changes of the file. The model that is simulated has
-them made to a parsed copy, the twin to the user's text, so both agree. Each quantity states its own;
-what several state in one object's `<inertial>` is put together in `mjcf.inertial`.
+One set of rules converts values of quantities into changes of the file. The simulated model applies
+them to a parsed copy, and the twin to the user's text, so both agree. Each quantity states its own
+changes. `mjcf.inertial` combines the statements of several quantities on one `<inertial>`.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ SHAPELESS = frozenset(
     {"mass", "density", "friction", "priority", "solref", "solimp", "solmix"}
     | {"damping", "frictionloss", "stiffness"}
 )
-"""Attributes of geoms and joints that do not change the scene's geometry."""
+"""Attributes of geoms and joints that do not affect the scene's geometry."""
 
 Bodies = Mapping[str, BodyDescription]
 
@@ -43,8 +43,8 @@ class ResolvedScene:
 
     Attributes:
         poses: content of poses.yaml.
-        priors: of every missing quantity.
-        shapes: compiled with the priors in place.
+        priors: prior of every missing parameter.
+        shapes: geometry compiled with the prior means.
     """
 
     description: Description
@@ -66,8 +66,7 @@ class ResolvedScene:
         return {parameter: prior.mean for parameter, prior in self.priors.items()}
 
     def complete_values(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
-        """Return `values`, and for the other parameters of `priors` their prior means given
-        `values`."""
+        """Return `values` and, for the other parameters of `priors`, prior means given `values`."""
         merged = {**priors, **values}
         for parameter in merged:
             if parameter not in values:
@@ -76,7 +75,7 @@ class ResolvedScene:
         return merged
 
     def changes(self, values: Values, known: Values) -> list[Change]:
-        """The changes of the file that state `values`; `known` are values that they depend on.
+        """Changes of the file that state `values`; these may depend on `known` values.
 
         Raises:
             InputError: a value that has no place in the file.
@@ -84,11 +83,11 @@ class ResolvedScene:
         return list(changes(self.description.bodies, self.catalogue, values, known, {}))
 
     def spec(self, values: Values) -> mujoco.MjSpec:
-        """An editable model without any robot, with `values`, and beliefs for the rest."""
+        """An editable model without any robot, with `values`, and prior means for the rest."""
         return compile_spec(model_tree(self.document, self.description.roles, self._edits(values)))
 
     def _edits(self, values: Values) -> list[Change]:
-        """Changes of the file that place its bodies and state `values`, and beliefs for the rest."""
+        """Changes of the file that place bodies and state `values`, and prior means for the rest."""
         stated = self.changes(self.complete_values(self.means(), values), {})
         return [*self.description.placed, *stated]
 
@@ -106,6 +105,7 @@ class ResolvedScene:
         found: dict[str, Body] = {}
         for name, body in self.description.bodies.items():
             found[name] = self._body(replace(body, shapes=self.shapes))
+        # Objects that rest on each surface.
         for surface in [body for body in found.values() if body.role == "surface"]:
             carried: list[str] = []
             for body in found.values():
@@ -117,7 +117,7 @@ class ResolvedScene:
                 ):
                     carried.append(body.name)
             found[surface.name] = replace(surface, carries=tuple(carried))
-        # What rests on a surface but is not stable there tips until it is.
+        # An object on a surface that is not stable there tips to a stable pose.
         for surface in [body for body in found.values() if body.carries]:
             for name in surface.carries:
                 body = found[name]
@@ -127,6 +127,7 @@ class ResolvedScene:
         return found
 
     def _body(self, body: BodyDescription) -> Body:
+        # Known values, and quantities that are missing or assumed.
         known: dict[str, tuple[float, ...]] = {}
         others: dict[Status, set[str]] = {"missing": set(), "assumed": set()}
         for quantity in self.catalogue.of(body.role):
@@ -163,29 +164,29 @@ class ResolvedScene:
 
 
 def _covariance(entry: ObjectEntry) -> Array | None:
-    """(6, 6) covariance that an entry of poses.yaml states; its `std` is of the position alone."""
+    """Covariance (6, 6) of an entry of poses.yaml; its `std` concerns only the position."""
     if entry.covariance is not None:
         return np.array(entry.covariance)
     return None if entry.std is None else np.diag([entry.std**2] * 3 + [0.0] * 3)
 
 
 def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:
-    """Describe the document's bodies, set priors for what is missing, and compile the geometry.
+    """Describe the document's bodies, set priors for missing parameters, and compile the geometry.
 
     Raises:
         InputError: a `?` where nothing can be measured, names that do not match, scenes that MuJoCo
             does not accept.
     """
-    # A world, of which no quantity is open, begins as MuJoCo compiles it.
+    # A world has no open quantity, and begins exactly as MuJoCo compiles it.
     description = describe(document, poses, catalogue, settled=bool(catalogue))
     priors = beliefs(description.bodies, catalogue)
     resolved = ResolvedScene(description, poses, catalogue, priors, description.shapes)
     stated = resolved.changes(resolved.means(), {})
-    # A mass or a friction does not move anything: the geometry with stand-ins holds.
+    # Masses and frictions do not affect the geometry: the one with placeholders remains valid.
     if not all(isinstance(change, Edit) and change.attribute in SHAPELESS for change in stated):
         edits = [*description.placed, *stated]
         resolved = replace(resolved, shapes=compile_shapes(document, description.roles, edits))
-    # The believed values must show in the compiled geometry.
+    # Verify that the compiled geometry has the believed values.
     for parameter, prior in priors.items():
         body = replace(description.bodies[parameter.object], shapes=resolved.shapes)
         catalogue[parameter.quantity].confirm(body, prior.mean)
@@ -193,7 +194,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
 
 
 def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
-    """Priors of everything missing: of surfaces and fixtures first, then of the objects on them."""
+    """Priors of all missing parameters: surfaces and fixtures first, then the objects on them."""
     found: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
     for role in (
@@ -217,11 +218,13 @@ def changes(
     known: Values,
     std: Mapping[Parameter, float],
 ) -> Iterator[Change]:
-    """Yield the changes that state `values`; `known` are values that they depend on and that are not
-    written, `std` standard deviations, which decide how many digits are written.
+    """Yield the changes that state `values`.
+
+    The changes may depend on `known` values, which are not written. The standard deviations `std`
+    determine the number of digits.
 
     Raises:
-        InputError: a value for what the scene does not have, or that has no place in the file.
+        InputError: a value of a body that the scene does not have, or without a place in the file.
     """
     for name in dict.fromkeys(parameter.object for parameter in values):
         ids = [parameter.quantity for parameter in values if parameter.object == name]
@@ -229,11 +232,12 @@ def changes(
         fitting = [] if body is None else [quantity.id for quantity in catalogue.of(body.role)]
         if body is None or not fitting or (body.role != "object" and not set(fitting) & set(ids)):
             raise InputError(f"no object or surface '{name}' of the scene has a {' or '.join(ids)}")
+        # Combine all statements on one `<inertial>`, then the other changes.
         statements, others = _state_inertial(body, catalogue, values, std)
         depends_on, _ = _state_inertial(body, catalogue, known, {})
         yield from written(body, statements, depends_on)
         yield from others
-    # Values that follow from these: the resting height of an object on a surface of measured height.
+    # Changes that follow, e.g. the resting height of an object on a surface of measured height.
     believed = {**known, **values}
     for body in bodies.values():
         for quantity in catalogue.of(body.role):

@@ -1,5 +1,7 @@
-"""A folder with a new scene: MJCF and poses.yaml with a comment wherever a person has to decide. No
-file is overwritten."""
+"""Folder with a new scene: MJCF and poses.yaml, with a comment at each decision of the user.
+
+No file is overwritten.
+"""
 
 from __future__ import annotations
 
@@ -18,7 +20,7 @@ MAX_THINGS = 15
 MAX_NAME = 60
 
 UNKNOWN = {"box": [60, 60, 80]}
-"""mm: shape and size of an object of unknown kind."""
+"""Shape and size, mm, of an object of unknown kind."""
 
 _COLOURS = {
     "red": ".80 .18 .16",
@@ -37,7 +39,7 @@ _PALETTE = ("blue", "red", "green", "yellow", "purple", "orange")
 
 _ROWS = (0.42, 0.56, 0.70)
 _COLUMNS = (0.0, 0.18, -0.18, 0.36, -0.36)
-"""m, in front of the arm's foot: rows ahead and columns aside, with room for a hand between them."""
+"""m, positions in front of the arm's foot: rows ahead and columns aside, with room for a hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,11 +47,11 @@ class ScaffoldItem:
     """Object or surface of a new scene.
 
     Attributes:
-        name: as in the MJCF.
+        name: name in the MJCF.
         kind: key of `kinds()`, or "" for an unknown name.
         shape: `box`, `cylinder` or `sphere`.
-        extents: m, of a box along x, y and z, of a cylinder across and upright, of a ball across.
-        x, y: where it stands, m.
+        extents: m; of a box along x, y and z, of a cylinder diameter and height, of a ball diameter.
+        x, y: position, m.
         colour: red, green and blue, 0 to 1.
     """
 
@@ -63,7 +65,7 @@ class ScaffoldItem:
 
     @property
     def height(self) -> float:
-        """m: upright extent."""
+        """Vertical extent, m."""
         return self.extents[-1]
 
     @property
@@ -91,6 +93,7 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
             f"{len(names)} objects are too many to begin with: at most {MAX_THINGS} fit in front of the arm; "
             "add the others to the file by hand"
         )
+    # Fill the rows from near to far, each from its middle outwards.
     places = [(x, y) for x in _ROWS for y in _COLUMNS]
     found: dict[str, ScaffoldItem] = {}
     for name, place in zip(names, places, strict=False):
@@ -102,6 +105,7 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
         kind = next((word for word in reversed(words) if word in kinds()), "")
         [(shape, millimetres)] = kinds().get(kind, UNKNOWN).items()
         extents = tuple(value / 1000 for value in millimetres)
+        # A colour in the name takes precedence over that of the palette.
         usual = _PALETTE[len(found) % len(_PALETTE)]
         colour = next((word for word in words if word in _COLOURS and word != kind), usual)
         found[name] = ScaffoldItem(name, kind, shape, extents, *place, colour=_COLOURS[colour])
@@ -192,7 +196,7 @@ class Scaffold:
 
 
 def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Scaffold:
-    """Write a scene of the named things on a surface.
+    """Write a scene of the named objects on a surface.
 
     Raises:
         InputError: not a name, a file that exists, or a folder that cannot be written.
@@ -201,6 +205,7 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
     things = place_objects(names)
     if surface in {thing.name for thing in things}:
         raise InputError(f"'{surface}' is the surface's name: give the object another one")
+    # The model's name is that of the folder, without characters special to XML.
     letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
     model = "".join(letters) or "scene"
     first = things[0].name if things else "mug"
@@ -210,7 +215,7 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
 
 
 def written(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write all files, or none where one of them exists.
+    """Write all files, or none if one of them exists.
 
     Raises:
         InputError: one exists, or the folder cannot be written.
