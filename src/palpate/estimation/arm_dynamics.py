@@ -53,7 +53,7 @@ FIGURES = ("coulomb", "viscous", "armature", "offset")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFigure:
-    """One identified quantity for each of n joints.
+    """Identified quantity of each of n joints.
 
     Attributes:
         value, std: (n,).

@@ -81,7 +81,7 @@ class Bound:
         return "at most" if self.sign > 0 else "at least"
 
     def limit(self, value: float, std: float, freedom: float = math.inf) -> float:
-        """One-sided 95 % limit u of a value that is not below the bound b, estimated as `value` ± `std`.
+        """Compute the one-sided 95 % limit u of a value that is not below the bound b, estimated as `value` ± `std`.
 
         u solves P(T > (u - value) / std) = 0.05 P(T < (value - b) / std) with Student's T of `freedom` degrees of
         freedom. This is the CLs limit, and the Bayesian one with a flat prior above b (A. L. Read, J. Phys. G 28,
@@ -551,7 +551,7 @@ class Estimate:
         return f"<table><caption>{heading}</caption>{columns}{''.join(rows)}</table>"
 
     def limit_in_words(self, i: int) -> str:
-        """One-sided 95 % limit of a component at a bound, as `at most 0.007`; empty where no bound acts."""
+        """Limit (one-sided, 95 %) of a component at a bound, as `at most 0.007`; empty where no bound acts."""
         bound, limit = self.at_bound[i], self.limits[i]
         if bound is None or limit is None:
             return ""

@@ -19,7 +19,7 @@ from palpate.estimation.motion import Mask
 JOINTS = 7
 T = TypeVar("T")
 Table = Mapping[str, Array]
-"""Columns of a log by name: (n,), or (n, k) where the format has columns of several numbers."""
+"""Columns of a log by name: (n,), or (n, k) in formats with vector columns."""
 Unit = Literal["s", "ms", "us", "ns"]
 Angle = Literal["rad", "deg"]
 SECOND = ("s", "sec", "secs", "second", "seconds")
@@ -40,8 +40,8 @@ ALIASES = {
     "tau_ext": "tau_ext tau_ext_hat tau_ext_hat_filtered tau_ext_hat_filtered_effort external_torque "
     "external_torques",
 }
-"""Names of columns without arm and joint, by signal, the first ones preferred; tau is libfranka's tau_J, with
-gravity in it."""
+"""Names of columns by signal, without arm and joint, the preferred ones first. tau is libfranka's tau_J, which
+includes gravity."""
 KNOWN = {
     alias: (signal, rank)
     for signal, aliases in ALIASES.items()
@@ -58,18 +58,21 @@ _OTHERS = (
 NOT_MEASURED = set(_OTHERS.split())
 WORD = re.compile(r"[a-z]+(?:_?\d+)?|\d+")
 NUMBER = re.compile(r"(?<!fr)(?<!iiwa)(?<!\d)\d+")
-"""Number in a name that is not part of a robot's."""
+"""Number in a name, except a robot's."""
 ROBOTS = {"panda", "franka", "fer", "fr3", "lbr", "iiwa", "iiwa7", "iiwa14"}
-"""Words of an arm's name that go without saying."""
+"""Words of robot names, which do not distinguish arms."""
 WIDEST = 2_000
-"""Numbers of a column that may be an arm's."""
+"""Largest number of components of a column that may belong to an arm."""
 SAME = {"q": 2e-3, "tau": 0.2}
-"""rad and N m; medians up to which two topics show the same joints."""
+"""rad and N m. Largest medians of the difference at which two topics show the same joints."""
 
 
 class ColumnMap(Section):
-    """Columns that hold each signal: a name, the common part of seven numbered names, a slice of a wide column
-    (`observation.state[0:7]`), or a list of seven names. What is left out is guessed."""
+    """Columns of each signal; omitted ones are inferred.
+
+    An entry is a name, the common part of seven numbered names, a slice of a wide column (`observation.state[0:7]`),
+    or a list of seven names.
+    """
 
     t: str | None = None
     q: str | list[str] | None = None
@@ -77,23 +80,23 @@ class ColumnMap(Section):
     tau: str | list[str] | None = None
     tau_ext: str | list[str] | None = None
     joints: str | None = None
-    """The arm among several: words of its columns' names, or the numbers of its joints (`7-13`)."""
+    """Arm among several: words of its columns' names, or the numbers of its joints (`7-13`)."""
     topic: str | None = None
-    """Of a bag: the topic with the joint signals."""
+    """Topic of a bag with the joint signals."""
     episode: int | None = None
-    """Of a LeRobot data set: `episode_index`."""
+    """`episode_index` of a LeRobot data set."""
     angles: Angle | None = None
     time: Unit | None = None
 
     @property
     def numbers(self) -> Sequence[int]:
-        """Joints that are stated by their numbers."""
+        """Joints stated by their numbers."""
         ends = re.fullmatch(r"(\d{1,4})-(\d{1,4})", str(self.joints))
         return range(int(ends[1]), int(ends[2]) + 1) if ends else ()
 
 
 class LogColumn(NamedTuple):
-    """One number of each row: the joint's number if its name has one, its name, and values (n,)."""
+    """Values of one number per row: joint number, if the name has one, column name, and values (n,)."""
 
     joint: int | None
     name: str
@@ -105,10 +108,10 @@ class Arm(NamedTuple):
 
     Attributes:
         name: words that distinguish its columns from those of other arms; may be empty.
-        table: place of its table.
-        topic: of the table in a bag; else empty.
-        columns: of `t` one, of `q` and `tau` seven, perhaps of `dq` and `tau_ext`.
-        notes: what was left out or assumed.
+        table: index of its table.
+        topic: topic of the table in a bag; else empty.
+        columns: one of `t`, seven of `q` and `tau`, and seven of `dq` and `tau_ext` where available.
+        notes: omissions and assumptions.
     """
 
     name: str
@@ -122,20 +125,20 @@ class Arm(NamedTuple):
 
     @property
     def signals(self) -> dict[str, Array]:
-        """Arrays of the columns: (n,) of `t`, (n, 7) of the others."""
+        """Arrays of the columns: (n,) for `t`, (n, 7) for the others."""
         every = {s: np.column_stack([c.values for c in run]) for s, run in self.columns.items()}
         return every | {"t": every["t"][:, 0]}
 
 
 Arms = dict[str, dict[tuple[bool, int, str], dict[int | None, LogColumn]]]
-"""Columns of a signal by arm, by preference and name without a number, and by joint."""
+"""Columns of a signal by arm, by preference and name without number, and by joint."""
 
 
 def read_map(path: Path | None) -> ColumnMap:
-    """Read a column map; without a file all columns are guessed.
+    """Read a column map; without a file all columns are inferred.
 
     Raises:
-        InputError: not readable, or not of the form of `ColumnMap`.
+        InputError: The file is not readable, or differs from the form of `ColumnMap`.
     """
     if path is None:
         return ColumnMap()
@@ -150,8 +153,9 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
     """Find the joint signals of one arm in the tables of a log, each with its topic, the longest first.
 
     Raises:
-        InputError: t, q or tau is missing, a mapped column is, or not one arm fits.
+        InputError: t, q, tau or a mapped column is missing, or the number of matching arms is not one.
     """
+    # Collect all candidate arms, and check their columns.
     found = [arm for place in range(len(tables)) for arm in _arms(place, *tables[place], columns)]
     if not found:
         raise _missing(*tables[0], columns, source)
@@ -159,6 +163,7 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
         rows = {column.name: len(column.values) for run in arm.columns.values() for column in run}
         if len({*rows.values()}) > 1:
             raise InputError(f"{source}: columns of unequal length: {rows}")
+    # Prefer arms with more signals, and drop those outside the map and duplicates.
     arms: list[Arm] = []
     for arm in sorted(found, key=lambda arm: (-len(arm.columns), arm.table)):
         if _is_named(arm, columns) and not any(_is_same(arm, other) for other in arms):
@@ -171,6 +176,7 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
             f"{source} holds the joints of several arms: {list_names(map(str, arms))}. State one of them in a "
             f"file with '{example}', and give it as columns=MAP.yaml"
         )
+    # Note the messages that are not read, and a clock without stamps.
     counts = [
         f"{len(table[name])} messages on {topic} (… {name})"
         for topic, table in tables
@@ -184,7 +190,7 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
 
 
 def _is_named(arm: Arm, columns: ColumnMap) -> bool:
-    """Test that an arm's name has the words that the map states."""
+    """True if an arm's name has the words that the map states."""
     if columns.joints is None or columns.numbers:
         return True
     words = {*words_of(columns.joints)} - SILENT
@@ -192,13 +198,14 @@ def _is_named(arm: Arm, columns: ColumnMap) -> bool:
 
 
 def _is_same(one: Arm, other: Arm) -> bool:
-    """Test that two arms are one, by their names, or by their joints at the times that both topics have."""
+    """True if two arms are the same, by name or by their joint signals at common times."""
     if (one.topic, one.name) == (other.topic, other.name):
         return True  # in other messages further joints, or no velocities
     a, b = (
         {name: x[np.isfinite(arm["tau"]).all(1)] for name, x in arm.items()}
         for arm in (one.signals, other.signals)
     )
+    # Compare up to 500 common times by interpolation.
     t, u = a["t"], b["t"]
     both = np.flatnonzero((t >= u.min(initial=np.inf)) & (t <= u.max(initial=-np.inf)))
     both = both[:: max(1, len(both) // 500)]
@@ -211,9 +218,10 @@ def _is_same(one: Arm, other: Arm) -> bool:
 
 
 def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> InputError:
-    """Error that names the columns that are missing in a table, too few or too many."""
+    """Build the error that names the columns which are missing in a table, too few or too many."""
     flat, on = _flat(table), f"{source}: {topic}" if topic else source
     stated = _read_column(flat, columns)
+    # Columns of the map that do not exist, or have the wrong count.
     for signal, run in stated.items():
         given: str | list[str] = getattr(columns, signal)
         names = [given] if isinstance(given, str) else given
@@ -227,6 +235,7 @@ def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> Input
                 f"{on}: {signal}: {list_names(names)} has {len(run)} numbers, not {JOINTS}; give {JOINTS} names, or "
                 f"'{signal}: NAME[0:{JOINTS}]'. Columns: {list_names(table)}"
             )
+    # Signals without any column.
     found = {*_families(flat), *stated}
     missing = [signal for signal in ("t", "q", "tau") if signal not in found]
     missing = missing or [signal for signal in ("q", "tau") if signal not in stated]
@@ -244,7 +253,7 @@ def _is_arm(signal: str, run: Sequence[LogColumn]) -> bool:
 
 
 def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[Arm]:
-    """Find the arms of a table that have time, positions and torques, those of the map among them."""
+    """Yield the arms of a table that have time, positions and torques, including columns of the map."""
     flat, context = _flat(table), [] if columns.topic else words_of(topic)
     stated, found = _read_column(flat, columns), _families(flat)
     if not all(_is_arm(*one) for one in stated.items()) or NOT_MEASURED & {*context}:
@@ -252,17 +261,19 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
     guide = "tau" if "q" in stated else "q"
     names = [""] if guide in stated else [*found.get(guide, {})]
     for name in names:
+        # Best columns of each signal for this arm.
         best = {"t": _clocks(found.get("t", {}), name)} | stated
         for signal in found.keys() - best.keys():
-            # Columns that name no arm belong to the arms that are named.
+            # Columns without an arm's name belong to the named arms.
             families = found[signal].get(name) or ({} if "" in names else found[signal].get("", {}))
             runs = (_run(families[key], columns) for key in sorted(families))
-            # Which seven of more the map means is known of its own columns alone.
+            # With a map, only its own columns may be more than seven: it alone decides between them.
             most = JOINTS if {"q", "tau"} & stated.keys() else len(flat)
             if run := next((run for run in runs if JOINTS <= len(run) <= most), None):
                 best[signal] = run
         if not {"q", "tau"} <= best.keys() or not best["t"]:
             continue
+        # Split runs of fourteen and more joints into arms of seven.
         parts = 1 if columns.numbers else min(len(best[one]) // JOINTS for one in ("q", "tau"))
         for part in range(parts):
             picked = {
@@ -273,6 +284,7 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
             q = picked["q"]
             numbers = f"{q[0].joint}-{q[-1].joint}" if parts > 1 else ""
             words = [*(word for word in context if word not in SILENT), name, numbers]
+            # Note the joints and clocks that are not read.
             families = (f for arm in found.get("q", {}).values() for f in arm.values())
             every = best["q"] if "q" in stated else [c for f in families for c in f.values()]
             used = {column.name for column in q}
@@ -290,14 +302,14 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
 
 
 def _run(family: Mapping[int | None, LogColumn], columns: ColumnMap) -> list[LogColumn]:
-    """Columns of the joints that the map states by numbers, else of all from 0 or 1 on without a gap."""
+    """Columns of the joints stated by the map, else of all consecutive joints from 0 or 1 on."""
     first = 0 if 0 in family else 1
     wanted = columns.numbers or range(first, first + len(family))
     return [family[joint] for joint in takewhile(family.__contains__, wanted)]
 
 
 def _clocks(found: Arms, arm: str) -> list[LogColumn]:
-    """Clocks, the best one first: that of the arm, then those that name no arm."""
+    """Clocks, the best first: those of the arm, then those without an arm's name."""
     words = {*words_of(arm)}
     ranked = sorted(
         (not {*words_of(name)} <= words, -len(words_of(name)), key, name)
@@ -308,7 +320,7 @@ def _clocks(found: Arms, arm: str) -> list[LogColumn]:
 
 
 def _flat(table: Table) -> Table:
-    """Columns of one number each, `q[0]` of a wide one; the two of a stamp (`sec`, `nanosec`) joined."""
+    """Scalar columns: `q[0]` of a wide one; the two parts of a stamp (`sec`, `nanosec`) are joined."""
     flat: dict[str, Array] = {}
     for name, values in table.items():
         fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
@@ -324,12 +336,12 @@ def _flat(table: Table) -> Table:
 
 
 def words_of(name: str) -> list[str]:
-    """Words of a name in lower case, with the numbers behind them: `left_fr3/tauJ` → left, fr3, tau, j."""
+    """Words of a name in lower case with the numbers after them: `left_fr3/tauJ` → left, fr3, tau, j."""
     return WORD.findall(_lower(name))
 
 
 def unit_in(name: str, units: Mapping[str, T]) -> T | None:
-    """Unit that the words of a column's name state."""
+    """Unit stated by the words of a column's name."""
     return next((units[word] for word in words_of(name)[::-1] if word in units), None)
 
 
@@ -339,9 +351,10 @@ def _lower(name: str) -> str:
 
 
 def _families(flat: Table) -> dict[str, Arms]:
-    """Group the columns of measured signals by the signal, arm and joint in their names."""
+    """Group the columns of measured signals by signal, arm and joint in their names."""
     found: dict[str, Arms] = {}
     for name, values in flat.items():
+        # Split the name into joint number, signal alias, and the remaining words of the arm.
         text = _lower(name)
         number = next(iter([*NUMBER.finditer(text)][-1:]), None)
         stem = f"{text[: number.start()]}#{text[number.end() :]}" if number else text
@@ -360,7 +373,7 @@ def _families(flat: Table) -> dict[str, Arms]:
 
 
 def _alias(words: list[str]) -> slice | None:
-    """Place of the longest run of words that names a signal, the last of several."""
+    """Position of the longest run of words that names a signal, the last if there are several."""
     for size in range(len(words), 0, -1):
         for start in range(len(words) - size, -1, -1):
             if "_".join(words[start : start + size]) in KNOWN:
@@ -369,7 +382,7 @@ def _alias(words: list[str]) -> slice | None:
 
 
 def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
-    """Find the columns that the map states; those that do not exist are left out."""
+    """Find the columns that the map states; missing ones are left out."""
     found: dict[str, list[LogColumn]] = {}
     for signal in ALIASES:
         stated: str | list[str] | None = getattr(columns, signal)
@@ -377,7 +390,7 @@ def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
             sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
             name = sliced[1] if sliced else stated
             run = [LogColumn(None, name, flat[name])] if name in flat else _parts(flat, name)
-            # A slice is of the columns in the order of the file.
+            # A slice counts columns in the order of the file.
             if sliced:
                 run = run[int(sliced[2]) : int(sliced[3])]
             elif signal != "t" and name not in flat:
@@ -389,7 +402,7 @@ def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
 
 
 def _parts(flat: Table, stem: str) -> list[LogColumn]:
-    """Columns of one signal: `state.q[3]` of `state.q` by its number, `q.wrist` of `q` by its name."""
+    """Columns of one signal: `state.q[3]` of `state.q` by number, `q.wrist` of `q` by name."""
     pattern = re.compile(re.escape(stem) + r"(?:[\[_./ ]*(\d+)\]?|\..*)")
     matches = [(name, part) for name in flat if (part := pattern.fullmatch(name))]
     return [
@@ -398,36 +411,36 @@ def _parts(flat: Table, stem: str) -> list[LogColumn]:
 
 
 def list_names(names: Iterable[str], most: int = 40) -> str:
-    """At most so many names, for a message."""
+    """At most `most` names, for a message."""
     every = [name[:60] for name in names]
     more = f" and {len(every) - most} more" if len(every) > most else ""
     return ", ".join(every[:most]) + more
 
 
-# Clock and units of a log: seconds from 0 on, radians, no row twice; each repair is a note.
+# Clock and units of a log: seconds from 0, radians, no duplicate rows; each repair is a note
 
 
 SECONDS: dict[Unit, float] = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
 STEPS = 3e-4, 100.0
-"""s between rows of a recording."""
+"""s. Range of the time between rows of a recording."""
 DATES = 0.95e9, 4.1e9
-"""s since 1970, of this century."""
+"""s since 1970. Range of dates of this century."""
 MOVING, FASTEST = 0.02, 6.0
-"""rad/s of a joint in motion."""
+"""rad/s. Speed range of a joint in motion."""
 SMOOTH = 0.5
-"""Correlation of a smooth motion's successive steps; that of noise is -0.5."""
+"""Correlation of successive steps above which a motion is smooth; noise has -0.5."""
 LONGEST = 3600.0
-"""s that an arm at rest is recorded."""
+"""s. Longest recording of an arm at rest."""
 STUCK = 5
-"""Rows after which equal ones are an arm at rest in a world without noise, not a late sensor."""
+"""Rows. Longer runs of equal rows are an arm at rest in a noise-free world, not a late sensor."""
 LARGEST_ANGLE = 7.0
-"""rad; no joint of an arm turns further, so that larger numbers are degrees."""
+"""rad. Largest joint angle of an arm; larger numbers are degrees."""
 MOST_LOST = 0.5
-"""Share of rows that may be left out."""
+"""Smallest fraction of rows that must remain."""
 RATE_WINDOW = 0.04
-"""s; half width of the polynomial that differentiates positions."""
+"""s. Half width of the local polynomial that differentiates positions."""
 BLOCK = 10_000
-"""Rows that are differentiated at a time, which bounds the memory."""
+"""Rows differentiated at a time, which bounds the memory."""
 
 
 def clean_signals(
@@ -437,20 +450,24 @@ def clean_signals(
     unit: Unit | None = None,
     angles: Angle | None = None,
 ) -> tuple[dict[str, Array], tuple[str, ...]]:
-    """Repair clock, repeated rows and units of signals (`t`, `q`, `tau`, perhaps `dq`, `tau_ext`).
+    """Repair clock, repeated rows and units of signals (`t`, `q`, `tau`, optionally `dq`, `tau_ext`).
 
     Args:
-        unit: of the clock, in its column's name.
-        angles: unit of the angles, in their columns' names.
+        signals: arrays by name.
+        columns: map with stated units.
+        source: name of the recording, for messages.
+        unit: unit of the clock in its column's name.
+        angles: unit of the angles in their columns' names.
 
     Raises:
-        InputError: no number is left of more than half of the rows, or the clock does not run.
+        InputError: More than half of the rows are invalid, or the clock does not run.
     """
     notes: list[str] = []
     whole = len(signals["t"])
     if whole < 2:
         raise InputError(f"{source} has {whole} rows; a recording has thousands")
     signals = dict(signals)
+    # Drop rows without numbers, out of order, or repeated; each reason is a note.
     for kept, why in (
         (_finite, "without a number"),
         (_forward, "out of the order of time"),
@@ -463,12 +480,14 @@ def clean_signals(
             signals = {name: values[rows] for name, values in signals.items()}
         if len(signals["t"]) < max(2, MOST_LOST * whole):
             raise InputError(f"{source}: {notes[-1]}: more than half; mend the recording")
+    # Convert angles: a stated unit first, then the column's name, then the size of the numbers.
     beyond = np.abs(signals["q"]).max() > LARGEST_ANGLE
     if (columns.angles or angles or ("deg" if beyond else "rad")) == "deg":
         for name in {"q", "dq"} & set(signals):
             signals[name] = np.radians(signals[name])
         if columns.angles is None:
             notes.append("angles are in degrees")
+    # Unit of the clock: as stated, else as named, else as velocities or steps show it.
     slope = _slope_unit(signals)
     if columns.time is None and unit and slope and slope != unit:
         raise InputError(
@@ -486,12 +505,15 @@ def clean_signals(
 
 
 def _slope_unit(signals: dict[str, Array]) -> Unit | None:
-    """Unit of the clock in which the logged velocities are the slopes of the positions; None where neither
-    moves enough."""
+    """Unit of the clock in which the logged velocities are the slopes of the positions.
+
+    Returns None where the joints do not move enough.
+    """
     if "dq" not in signals:
         return None
     steps, speeds = np.diff(signals["t"])[:, None], np.abs(signals["dq"][1:])
     moving = speeds > MOVING
+    # Ratio of the travelled distance to the integral of speed, in each candidate unit.
     way = float(np.abs(np.diff(signals["q"], axis=0))[moving].sum())
     expected = float((speeds * steps)[moving].sum())
     ratios: dict[Unit, float] = {
@@ -501,20 +523,21 @@ def _slope_unit(signals: dict[str, Array]) -> Unit | None:
 
 
 def _likely_unit(signals: dict[str, Array]) -> Unit:
-    """Infer the unit of a clock from its steps and the positions alone; s where they leave it open."""
+    """Infer the unit of a clock from its steps and the positions alone; s where they are not conclusive."""
     t, moves = signals["t"], np.diff(signals["q"], axis=0)
     steps = np.diff(t)
+    # Units with a plausible sample time and joint speed.
     step, fastest = float(np.median(steps)), np.quantile(np.abs(moves).max(1) / steps, 0.999)
     fit: list[Unit] = [
         unit
         for unit, size in SECONDS.items()
         if STEPS[0] <= size * step <= STEPS[1] and fastest < FASTEST * size
     ]
-    # A clock that runs since 1970 shows a date of this century.
+    # A clock that counts from 1970 shows a date of this century.
     for unit in fit:
         if DATES[0] < SECONDS[unit] * t[0] < DATES[1]:
             return unit
-    # Successive steps of a motion sampled densely are alike; steps between poses, and noise, are not.
+    # Successive steps of a densely sampled motion are similar; steps between poses, and noise, are not.
     smooth = (moves[1:] * moves[:-1]).sum() > SMOOTH * (moves**2).sum()
     for unit in fit[::-1] if smooth else ():
         if fastest > MOVING * SECONDS[unit]:
@@ -535,9 +558,10 @@ def _forward(signals: dict[str, Array]) -> Mask:
 
 
 def _fresh(signals: dict[str, Array]) -> Mask:
-    """Rows whose positions and torques differ from those of the row before, or have not changed for long."""
+    """Rows whose positions and torques differ from the row before, or belong to a long run of equal rows."""
     now = np.column_stack([signals["q"], signals["tau"]])
     same = np.concatenate([[False], (now[1:] == now[:-1]).all(axis=1)])
+    # Length of the run of equal rows before and after each row.
     count = np.arange(len(same))
     since = count - np.maximum.accumulate(np.where(same, 0, count))
     until = (np.minimum.accumulate(np.where(same, len(same), count)[::-1])[::-1]) - count
@@ -545,19 +569,22 @@ def _fresh(signals: dict[str, Array]) -> Mask:
 
 
 def differentiate(q: Array, t: Array) -> Array:
-    """(n, k) rates of q (n, k) per second, by a local quadratic around each row (Savitzky and Golay, 1964),
-    for rows that need not be equally far apart."""
+    """Rates (n, k) of q (n, k) per second, by a local quadratic around each row (Savitzky and Golay, 1964).
+
+    The rows may be unevenly spaced.
+    """
     half = max(1, round(RATE_WINDOW / max(float(np.median(np.diff(t))), 1e-6)))
     shifts = np.arange(-half, half + 1)
     out = np.empty(q.shape)
     for start in range(0, len(t), BLOCK):
+        # Normal equations of the quadratics of all rows of a block; rows beyond the ends have no weight.
         middle = np.arange(start, min(start + BLOCK, len(t)))[:, None]
         rows = np.clip(middle + shifts, 0, len(t) - 1)
         inside = (middle + shifts == rows).astype(float)
         since = t[rows] - t[middle]
         powers = inside[:, :, None] * np.stack([np.ones_like(since), since, since**2], axis=2)
         moments = powers.transpose(0, 2, 1) @ powers
-        # Two rows at an end determine no quadratic: the ridge leaves them a straight line.
+        # Two rows at an end determine no quadratic; the ridge leaves a straight line.
         moments += 1e-12 * moments[:, :1, :1] * np.eye(3)
         right = powers.transpose(0, 2, 1) @ q[rows]
         out[middle[:, 0]] = np.linalg.solve(moments, right)[:, 1]

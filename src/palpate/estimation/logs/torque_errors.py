@@ -1,4 +1,4 @@
-"""Errors of joint torques by frequency: offset, friction, drift and ripple."""
+"""Errors of joint torques in the frequency domain: offset, friction, drift and ripple."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ SURE = 1.96  # standard deviations of a 95 % interval
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FigureInterval:
-    """A figure of each joint with its 95 % interval; NaN where the recording does not show it."""
+    """Quantity of each joint with its 95 % interval; NaN where the recording does not show it."""
 
     value: Array  # (7,)
     low: Array
@@ -28,30 +28,33 @@ class FigureInterval:
 
     @classmethod
     def unseen(cls) -> FigureInterval:
-        """Return a figure that no joint shows."""
+        """Quantity that no joint shows."""
         return cls(*(np.full(7, np.nan) for _ in range(3)))
 
     @classmethod
     def about(
         cls, value: Array, std: Array, seen: NDArray[np.bool_] | bool = True
     ) -> FigureInterval:
-        """Return values with a normal error, those that are seen."""
+        """Values with normal errors, for the joints in `seen`."""
         value, std = np.where(seen, value, np.nan), np.where(seen, std, np.nan)
         return cls(value, value - SURE * std, value + SURE * std)
 
     def where(self, seen: NDArray[np.bool_]) -> FigureInterval:
-        """Return the figure with the joints that are seen."""
+        """Copy restricted to the joints in `seen`."""
         return FigureInterval(
             *(np.where(seen, x, np.nan) for x in (self.value, self.low, self.high))
         )
 
 
-# Signals of a recording on an even clock, and in a band of frequencies.
+# Signals of a recording on a uniform clock, and in a frequency band
 
 
 def resample(t: Array, values: Array, rate: float) -> tuple[Array, Array]:
-    """Average a signal (n, k) over periods of an even clock, `rate` Hz: the times (m,) of their
-    middles, and the means (m, k)."""
+    """Average a signal (n, k) over the periods of a uniform clock of `rate` Hz.
+
+    Returns the middle times (m,) and the means (m, k).
+    """
+    # Differences of the trapezoidal integral between the edges are exact means.
     edges = np.arange(t[0], t[-1], 1.0 / rate)
     area = np.zeros(values.shape)  # of the signal, up to each sample
     area[1:] = np.cumsum((values[1:] + values[:-1]) * (np.diff(t)[:, None] / 2), axis=0)
@@ -62,7 +65,7 @@ def resample(t: Array, values: Array, rate: float) -> tuple[Array, Array]:
 
 
 def filter_band(values: Array, rate: float, low: float | None, high: float) -> Array:
-    """Filter a signal (n, ...), `rate` Hz, without lag to the band from `low` to `high` Hz."""
+    """Zero-phase band-pass of a signal (n, ...) at `rate` Hz from `low` to `high` Hz; low-pass if `low` is None."""
     from scipy.signal import butter, sosfiltfilt  # takes longer to load than most plans to make
 
     below = sosfiltfilt(butter(4, high, fs=rate, output="sos"), values, axis=0)
@@ -73,7 +76,7 @@ def filter_band(values: Array, rate: float, low: float | None, high: float) -> A
     )
 
 
-# Errors of the joint torques that a slow motion shows: offset, friction, drift, and what is left.
+# Errors of the joint torques in slow motion: offset, friction, drift, and the residual
 
 
 DOWN: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
@@ -84,12 +87,12 @@ USUAL = 2e-3  # rad, where the recording does not tell
 WIDE = 1.0  # rad, range of a joint that shows how its friction varies over a turn
 STRETCH = 1.0  # s: stretches of a residual that count as independent of each other
 LOAD: Array = np.array([0.3, 0.03, 0.03, 0.03])
-"""Standard deviations of a load beyond the nominal hand: kg, kg m along each axis of the hand."""
+"""Standard deviations of a load beyond the nominal hand: kg, and kg m along each axis of the hand."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFits:
-    """Least squares of k columns a joint, and of a load that all joints bear."""
+    """Least-squares fit of k columns per joint, and of a load common to all joints."""
 
     value: Array  # (k, 7)
     std: Array  # (k, 7), of a residual that is correlated within `STRETCH`
@@ -99,7 +102,8 @@ class JointFits:
 
     @classmethod
     def of(cls, y: Array, columns: list[Array], load: Array, t: Array) -> JointFits:
-        """Fit `columns`, k of (n, 7), and the load's (n, 7, 4) to `y` (n, 7), sampled at `t` (n,)."""
+        """Fit `columns`, k of (n, 7), and the load's (n, 7, 4), to `y` (n, 7) sampled at times `t` (n,)."""
+        # Block design: each joint has its own coefficients, and the load has a prior (ridge).
         n, k = len(y), len(columns)
         design = np.zeros((n, 7, 7 * k + 4))
         for joint in range(7):
@@ -108,11 +112,13 @@ class JointFits:
         design[:, :, 7 * k :] = load
         ridge = np.zeros(7 * k + 4)
         ridge[7 * k :] = 1.0 / LOAD**2
+        # Two weighted solutions: the second with the residual size of each joint.
         stretch = ((t - t[0]) / STRETCH).astype(int)
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
         found, inverse = _solve_normal_equations(design, y, np.ones(7), ridge)
         size = (y - design @ found).std(0) + 1e-9
         found, inverse = _solve_normal_equations(design, y, size, ridge)
+        # Robust (sandwich) covariance over stretches, for a residual correlated within them.
         residual = y - design @ found
         scores = (design / size[:, None] * (residual / size)[:, :, None]).sum(1)
         summed = np.add.reduceat(scores, starts)
@@ -120,7 +126,7 @@ class JointFits:
         alike = np.maximum(
             (means**2).sum(0) / (residual**2).sum(0), 1.0
         )  # samples that count as one
-        # Sums over few stretches are too small as often as too large: the larger of two estimates.
+        # Over few stretches, both estimates scatter: take the larger variance.
         white = np.diag(inverse)[: 7 * k].reshape(k, 7) * alike
         summed = np.diag(inverse @ summed.T @ summed @ inverse)[: 7 * k].reshape(k, 7)
         std = np.sqrt(np.maximum(white, summed))
@@ -136,14 +142,15 @@ class JointFits:
 def _solve_normal_equations(
     design: Array, y: Array, size: Array, ridge: Array
 ) -> tuple[Array, Array]:
-    """Solve the normal equations, each joint's rows over `size` (7,); return the inverse, too."""
+    """Solve the normal equations with each joint's rows divided by `size` (7,); also return the inverse."""
     x = (design / size[:, None]).reshape(-1, design.shape[2])
     inverse = np.asarray(np.linalg.pinv(x.T @ x + np.diag(ridge), hermitian=True), dtype=np.float64)
     return inverse @ (x.T @ (y / size).ravel()), inverse
 
 
 def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
-    """Measure offset, Coulomb friction, presliding, drift, and what they leave."""
+    """Measure offset, Coulomb friction, presliding, drift, and the residual of a slow motion."""
+    # Uniform clock, and the torque without that of the described arm, below `SLOW`.
     rate = min(SLOW_RATE, 1.0 / float(np.median(np.diff(log.t))))
     (t, q), dq = resample(log.t, log.q, rate), resample(log.t, log.dq, rate)[1]
     tau = resample(log.t, log.tau, rate)[1]
@@ -151,11 +158,13 @@ def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
     motion = q, dq, np.gradient(dq, 1.0 / rate, axis=0), DOWN
     y = filter_band(tau - own_motion(chain, *motion), rate, None, SLOW)
     load = filter_band(load_torques(chain, *motion)[:, :, :4], rate, None, SLOW)
+    # Friction curves of unit level for each candidate presliding distance.
     steps = np.diff(q, axis=0, prepend=q[:1])
     curves = filter_band(dahl(steps, PRESLIDING)[0], rate, None, SLOW)
     turns = turned_round(dahl(steps, np.array(PRESLIDINGS[-1:]))[0][:, :, 0])
     level, presliding = np.ones_like(y), FigureInterval.unseen()
     fit, rubbing = JointFits.of(y, [level], load, t), np.zeros_like(y)
+    # Alternate between the fit and the presliding distance, as each depends on the other.
     for _ in range(3):
         told = np.where(np.isnan(presliding.value), USUAL, presliding.value)
         rubbing = filter_band(dahl(steps, told[:, None])[0][:, :, 0], rate, None, SLOW) * turns
@@ -163,6 +172,7 @@ def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
         free = y - load @ fit.load
         misfits = np.array([misfit(free[:, j], curves[:, j]) for j in range(7)])
         presliding = distances(misfits, fit.independent)
+    # Friction is significant only where a joint reverses; drift is the slope of the residual.
     slid = turns & (fit.value[1] > SURE * fit.std[1])
     rms = fit.residual.std(0)
     minutes = (t - t.mean())[:, None] / 60.0 * level
@@ -180,14 +190,16 @@ def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
 
 
 def misfit(y: Array, curves: Array) -> Array:
-    """Compute the mean square (g,) that an offset and each of `curves` (n, g) leave of `y` (n,)."""
+    """Mean squares (g,) of the residuals of `y` (n,) after fitting an offset and each of `curves` (n, g)."""
     y, curves = y - y.mean(), curves - curves.mean(0)
     return ((y @ y) - (curves.T @ y) ** 2 / np.maximum((curves**2).sum(0), 1e-12)) / len(y)
 
 
 def distances(misfits: Array, independent: Array) -> FigureInterval:
-    """Return the presliding distances, rad, with the least of `misfits` (7, g), and those that fit
-    nearly as well; not seen where no end is shown."""
+    """Presliding distances, rad, with the smallest of `misfits` (7, g), and the range that fits nearly as well.
+
+    Not seen where the range reaches an end of the grid.
+    """
     alike = misfits < misfits.min(1)[:, None] * (1.0 + SURE**2 / independent[:, None])
     first, last = alike.argmax(1), alike.shape[1] - 1 - alike[:, ::-1].argmax(1)
     told: NDArray[np.bool_] = (first > 0) & (last < len(PRESLIDING) - 1)
@@ -195,15 +207,14 @@ def distances(misfits: Array, independent: Array) -> FigureInterval:
 
 
 def variation(fit: JointFits) -> FigureInterval:
-    """Return the friction's relative variation over a turn, its root mean square; noise is taken
-    off."""
+    """Relative variation of the friction over a turn (root mean square), corrected for noise."""
     size = np.sqrt((fit.value[2:] ** 2).sum(0) / 2) / fit.value[1]
     std = np.sqrt((fit.std[2:] ** 2).sum(0) / 2) / fit.value[1]
     less = np.sqrt(np.maximum(size**2 - std**2, 0.0))
     return FigureInterval(less, np.maximum(size - SURE * std, 0.0), size + SURE * std)
 
 
-# Errors of the joint torques that a quick motion shows: ripple of the gears, and shaking.
+# Errors of the joint torques in fast motion: gear ripple, and shaking
 
 
 RIPPLE_RATE = 250.0  # Hz, to which a recording is resampled
@@ -228,16 +239,19 @@ def ripple(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
     rate = min(RIPPLE_RATE, 1.0 / float(np.median(np.diff(log.t))))
     if rate < LEAST:
         return {name: FigureInterval.unseen() for name in names}
+    # Gravity and inertial torques of the described arm on a uniform clock.
     q, dq, tau = (resample(log.t, values, rate)[1] for values in (log.q, log.dq, log.tau))
     ddq = np.gradient(filter_band(dq, rate, None, min(SMOOTH, rate / 3)), 1.0 / rate, axis=0)
     still = np.zeros_like(q)
     held, moved = own_motion(chain, q, still, still, DOWN), own_motion(chain, q, dq, ddq)
     seconds = len(q) / rate
+    # Shaking: torque in its band, with and without M ddq.
     torque, drawn = (filter_band(x, rate, *SHAKING) for x in (tau - held, moved))
     shaking, left = (
         FigureInterval.about(x.std(0), x.std(0) / np.sqrt(2 * seconds))
         for x in (torque, torque - drawn)
     )
+    # Ripple of each joint in the signals above `ABOVE`.
     smooth = filter_band(dq, rate, None, ABOVE)
     quick = [x - filter_band(x, rate, None, ABOVE) for x in (tau - held, tau - held - moved, dq)]
     joints = [_joint(q[:, j], smooth[:, j], *(x[:, j] for x in quick)) for j in range(7)]
@@ -246,9 +260,12 @@ def ripple(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
 
 
 def _joint(q: Array, smooth: Array, torque: Array, left: Array, rate: Array) -> list[list[float]]:
-    """Find the ripple of one joint: value and interval of its two harmonics, N m, of its cycles, and
-    of its first harmonic in the encoder, rad. What M ddq explains is none: `left` (n,) is without it.
+    """Find the ripple of one joint.
+
+    Returns value and interval of the two harmonics, N m, of the cycles, and of the first encoder harmonic, rad. The
+    ripple must remain in `left` (n,), the torque without M ddq.
     """
+    # Spectra over the angle for each piece of one-way motion; keep orders that M ddq does not explain.
     runs = one_way(q, smooth)
     unseen = [np.nan, np.nan, np.nan]
     if len(runs) < FEWEST:
@@ -257,6 +274,7 @@ def _joint(q: Array, smooth: Array, torque: Array, left: Array, rate: Array) -> 
     moved = np.array([amplitudes(q[run], rate[run] / smooth[run]) for run in runs]) / ORDERS
     clear = prominence(torques)
     clear[prominence(np.array([amplitudes(q[run], left[run]) for run in runs])) < STAYS] = 0.0
+    # First harmonic: the most prominent order near `BASE`, or its half if that is prominent as well.
     based = np.abs(ORDERS - BASE) <= BASE_WITHIN
     first = int(np.where(based, clear, 0.0).argmax())
     below = peak(clear, ORDERS[first] / 2)
@@ -265,6 +283,7 @@ def _joint(q: Array, smooth: Array, torque: Array, left: Array, rate: Array) -> 
     size = _size(torques[:, first])
     if clear[first] < CLEAR or size[1] <= 0 or size[0] < SMALLEST:
         return [unseen] * 4
+    # Second harmonic, and the resolution of the order by the length of the pieces.
     second = peak(clear, 2 * ORDERS[first])
     half = 2 * np.pi / float(np.median([np.ptp(q[run]) for run in runs])) / np.sqrt(len(runs))
     cycles = float(ORDERS[first])
@@ -277,13 +296,13 @@ def _joint(q: Array, smooth: Array, torque: Array, left: Array, rate: Array) -> 
 
 
 def peak(clear: Array, order: float) -> int:
-    """Return the index of the largest of `clear` (orders,) about an order."""
+    """Index of the largest of `clear` (orders,) near an order."""
     near = np.abs(ORDERS - order) < ABOUT
     return int(np.where(near, clear, -1.0).argmax())
 
 
 def one_way(q: Array, smooth: Array) -> list[slice]:
-    """Cut a motion into pieces of `COHERENT` rad one way."""
+    """Cut a motion into pieces of `COHERENT` rad in one direction."""
     way = np.where(np.abs(smooth) > SLOWEST, np.sign(smooth), 0.0)
     turns = np.flatnonzero(np.diff(way, prepend=np.nan, append=np.nan))
     found: list[slice] = []
@@ -297,15 +316,17 @@ def one_way(q: Array, smooth: Array) -> list[slice]:
 
 
 def amplitudes(q: Array, values: Array) -> Array:
-    """Compute the root mean squares of the waves of all `ORDERS` in values (n,) at angles (n,)."""
+    """Root mean squares of the waves of all `ORDERS` in values (n,) over angles (n,)."""
     window = np.hanning(len(q))
     window /= window.sum()
     return np.sqrt(2.0) * np.abs((window * values) @ np.exp(-1j * np.outer(q, ORDERS)))
 
 
 def prominence(sizes: Array) -> Array:
-    """Compute the mean power of each order over the larger median of its neighbours on either side:
-    (orders,) of (runs, orders)."""
+    """Prominence (orders,) of sizes (runs, orders).
+
+    It is the mean power of each order over the larger median of its neighbours on either side.
+    """
     power = (sizes**2).mean(0)
     clear = np.zeros_like(power)
     for i, order in enumerate(ORDERS):
@@ -317,7 +338,7 @@ def prominence(sizes: Array) -> Array:
 
 
 def _size(sizes: Array) -> list[float]:
-    """Return the root mean square over pieces of a motion, with its interval."""
+    """Root mean square over pieces of a motion, with its interval."""
     power = sizes**2
     value = float(np.sqrt(power.mean()))
     half = SURE * float(power.std(ddof=1)) / np.sqrt(len(sizes)) / (2 * value)
