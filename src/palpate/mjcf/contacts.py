@@ -60,8 +60,8 @@ SOLIMP = "0.9 0.95 0.001 0.5 2"
 """MuJoCo's default."""
 CCD_TOLERANCE = 1e-12
 """m. MuJoCo 4.0.0 inverts the normal of a contact where a curved shape enters a box or a mesh by less than a
-fifth of this tolerance, so that the contact pulls (findings/mujoco_contact_normal.sh). The default is 1e-6
-m; a sliding cup enters its support by less.
+fifth of this tolerance. The contact then pulls (findings/mujoco_contact_normal.sh). The default is 1e-6 m;
+a sliding cup enters its support by less.
 """
 BALL = 0.01
 """m: radius of the ball that presses in place of the fingertips."""

@@ -102,7 +102,7 @@ def _ball_edges() -> NDArray[np.intp]:
 
 
 def geom_volume(model: mujoco.MjModel, geom: int) -> float:
-    """Volume of a geom, m³."""
+    """Compute the volume of a geom, m³."""
     r, h, z = model.geom_size[geom].tolist()
     kind = int(model.geom_type[geom])
     if kind == mujoco.mjtGeom.mjGEOM_MESH:
@@ -120,13 +120,13 @@ def geom_volume(model: mujoco.MjModel, geom: int) -> float:
 
 
 def mesh_vertices(model: mujoco.MjModel, mesh: int) -> Array:
-    """(n, 3) vertices of a mesh, m, in the frame of its geoms."""
+    """Return the vertices (n, 3) of a mesh, m, in the frame of its geoms."""
     first, count = int(model.mesh_vertadr[mesh]), int(model.mesh_vertnum[mesh])
     return np.asarray(model.mesh_vert[first : first + count], dtype=float)
 
 
 def mesh_corners(model: mujoco.MjModel, mesh: int) -> Array:
-    """(m, 3, 3) corners of the triangles of a mesh, as `mesh_vertices`."""
+    """Return the corners (m, 3, 3) of the triangles of a mesh, as `mesh_vertices`."""
     first, count = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
     return mesh_vertices(model, mesh)[model.mesh_face[first : first + count]]
 
@@ -211,22 +211,22 @@ class Shapes:
         return _pose(self.data.geom_xpos[i], self.data.geom_xmat[i])
 
     def points(self, geom: Element) -> Array:
-        """(k, 3) points in the world whose convex hull is the geom, m."""
+        """Compute points (k, 3), m, in the world whose convex hull is the geom."""
         return self.geom_points(self.geom_ids[geom])
 
     def geom_points(self, geom: int) -> Array:
-        """Points of a geom, as `points`, by id in the model."""
+        """Compute the points of a geom, as `points`, by its id in the model."""
         rotation = self.data.geom_xmat[geom].reshape(3, 3)
         return hull_points(self.model, geom) @ rotation.T + self.data.geom_xpos[geom]
 
     def convex(self, geom: Element) -> Convex:
-        """The geom with its edges, in the world."""
+        """Return the geom with its edges, in the world."""
         points = self.points(geom)
         kind = int(self.model.geom_type[self.geom_ids[geom]])
         return Convex(points, hull_edges(kind, len(points)))
 
     def cloud(self, geoms: Iterable[Element]) -> Array:
-        """(k, 3) points of several geoms in the world, m."""
+        """Compute the points (k, 3), m, of several geoms in the world."""
         return np.concatenate([self.points(geom) for geom in geoms])
 
     def volume(self, geom: Element) -> float:

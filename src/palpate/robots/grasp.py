@@ -52,9 +52,7 @@ class Grasp:
     pose: Pose  # of the TCP in the world
     width: float  # m, of the object there
     slack: float  # m by which the object may be shifted along the tool's x
-    short: float = (
-        0.0  # m by which the opening is too small for the uncertainty of the object's pose
-    )
+    short: float = 0.0  # m missing of the opening for the uncertainty of the object's pose
     problem: str = ""  # reason that the hand cannot take the object
 
 

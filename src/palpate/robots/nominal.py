@@ -153,11 +153,11 @@ class NominalArm:
         return pose, jacobian
 
     def offsets(self, q: Array) -> Array:
-        """Compute the sensitivity (n, 3, 21) of the TCP position to position errors of the links, at `q` (n, 7),
-        rad.
+        """Compute the sensitivity (n, 3, 21) of the TCP position to position errors of the links, at `q` (n,
+        7), rad.
 
-        A column is the motion of the TCP, world axes, per m of error of a link's position in its parent, along
-        one of the parent's axes. There are three columns for each of the seven links.
+        A column is the motion of the TCP, world axes, per m of position error of a link. The error is
+        along one axis of the link's parent. There are three columns for each of the seven links.
         """
         out = np.empty((len(q), 3, 7, 3))
         bodies = self._model.jnt_bodyid[:7]

@@ -114,8 +114,10 @@ def guided_mass(mass_matrix: Array, jacobian: Array, direction: Array) -> float:
 def joint_rates(
     nominal: NominalArm, arm: RobotDescription, start: Array, goal: Array
 ) -> list[float]:
-    """Compute the rate limits, 1/s, in each equal part of the straight joint motion from `start` to `goal` (7,),
-    rad, at which joints, fingertips, wrist and elbow keep their limits.
+    """Compute the rate limits, 1/s, in each equal part of the straight joint motion from `start` to `goal`
+    (7,), rad.
+
+    Joints, fingertips, wrist and elbow keep their limits at these rates.
     """
     # The fastest joint limits the rate of the whole motion; the moving points limit it further.
     way = goal - start

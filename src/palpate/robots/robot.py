@@ -299,7 +299,9 @@ class Commanded:
 
     def _joint_path(self, t: float, now: MotionState, goal: Array, speed: float) -> PositionPath:
         """Move from `now` at time `t`, s, to joint positions `goal` (7,), rad, at the share `speed` of the
-        arm's pace, which no part of the arm exceeds.
+        arm's pace.
+
+        No part of the arm exceeds the pace.
         """
         rates = speed * np.array(joint_rates(self._nominal, self._arm, now.p, goal))
         distance = max(float(np.abs(goal - now.p).max()), 1e-6)

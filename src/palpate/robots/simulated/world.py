@@ -235,7 +235,7 @@ class World:
         return fired
 
     def _is_touching(self, count: int) -> bool:
-        """True if anything touched something in `count` cycles."""
+        """Test if any contact existed in `count` cycles."""
         return bool(self._signals[0, : count * self._substeps, self._touching].any())
 
     def _one_by_one(self, control: Array, guard: Guard) -> int | None:
