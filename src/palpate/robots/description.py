@@ -328,9 +328,7 @@ class RobotDescription:
     rest_torque: float = 0.0  # N m that friction and ripple leave in each joint at rest, if stated
     end_effector: EndEffector | None = None  # weighed load of the last joint
     config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
-    described: RobotDescription | None = (
-        None  # the arm without the figures of robot.yaml; None without one
-    )
+    described: RobotDescription | None = None  # the arm without figures of robot.yaml
 
     @property
     def tip(self) -> float:

@@ -162,9 +162,7 @@ class Simulated(Section):
 
     noise: Annotated[str, Field(min_length=1, max_length=1000)]
     seed: Annotated[int, Field(ge=0)]
-    visits: Annotated[int, Field(ge=0)] = (
-        0  # number of calibrations: each is a run with other errors
-    )
+    visits: Annotated[int, Field(ge=0)] = 0  # calibrations: each is a run with other errors
 
 
 class RobotConfig(Section):

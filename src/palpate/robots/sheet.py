@@ -155,9 +155,7 @@ class Box(Section):
 class ParallelHand(Section):
     """A parallel hand: names in the MJCF, the drive, and its shape in the tool frame."""
 
-    body: (
-        Name  # body that carries the fingers; z points out of the hand, y is the closing direction
-    )
+    body: Name  # body with the fingers; z points out of the hand, y is the closing direction
     tcp: Name | Vector  # midway between the pads: a site of `body`, or a position in it, m
     fingers: tuple[Name, Name]  # the two slides
     opening: Size  # m between the open fingers

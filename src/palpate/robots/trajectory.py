@@ -15,9 +15,7 @@ from palpate.common.pose import Array, Pose
 SHORTEST = 0.05  # s: shortest duration of a stop
 RAMP_ACCELERATION = 1.5
 """Peak acceleration times T, over the change of speed, of a quintic between two steady speeds."""
-SWING_PEAK = (
-    1.12  # peak acceleration of a swing over that of its sine, while the sine grows and fades
-)
+SWING_PEAK = 1.12  # peak acceleration of a swing over that of its sine, while it grows or fades
 SWING_PIECES = 16
 """Quintics per period of a sine: the error is less than a millionth of the sine's amplitude."""
 PEAK_SPEED = 1.875  # peak over mean speed of a quintic from rest to rest (minimum jerk)

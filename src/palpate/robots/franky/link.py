@@ -23,9 +23,7 @@ from palpate.trace.samples import Samples
 NOTHING = 0.002  # m: an opening below this is an empty hand
 MARGIN = 0.002  # m: fingers this close to fully open count as open
 PAUSE = 0.01  # s between two queries of the hand, which sends about 20 or more packets a second
-MISSED = (
-    3  # unanswered queries, each within libfranka's time-out of 1 s, after which the hand is lost
-)
+MISSED = 3  # unanswered queries, each of libfranka's time-out, 1 s, after which it is lost
 
 
 @dataclass(frozen=True, slots=True)
@@ -152,8 +150,8 @@ class HandThread:
 SHORTEST, SLICE = 0.001, 0.005  # s of wall time to wait for the next cycles
 OWN_STALL = 0.7  # s of silence allowed for a computer without a realtime kernel, or on loopback
 SILENT = 0.08
-"""s: silence beyond `OWN_STALL` after which the control box counts as lost. It ends before the last data is
-too old to act on.
+"""s: silence beyond `OWN_STALL` after which the control box counts as lost. At that time, the last data can
+still be acted on.
 """
 GAP = 0.03  # s without a sample
 ANSWERS = 0.1  # s in which a control box that ended a motion reports its mode

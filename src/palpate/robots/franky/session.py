@@ -22,7 +22,7 @@ from palpate.trace.samples import Samples
 
 BLOCK = 5  # cycles per logged sample: 200 Hz
 PERIOD = BLOCK * CYCLE
-MATCH, TURNED = 0.002, np.radians(0.5)  # m, rad: TCP's tolerance
+MATCH, TURNED = 0.002, np.radians(0.5)  # m, rad: tolerance of the TCP
 SIGNALS = ("q", "dq", "tau_J", "tau_J_d", "tau_ext_hat_filtered", "O_F_ext_hat_K")
 """Signals of franky's states in the black box, under their own names."""
 
