@@ -255,6 +255,7 @@ def _dynamics(
         links[:, part] = mean.reshape(len(links), -1)
         links_std[:, part] = np.sqrt(np.diag(covariance)).reshape(len(links), -1)
     turned = [bodies.link_frame(i) @ link for i, link in enumerate(links)]
+    # Friction, and the hand if it was fitted.
     coulomb, viscous = figure(COULOMB), figure("viscous")
     seconds = float(log.t[-1] - log.t[0])
     hand = _hand(arm, found) if found.assumed.hand is None else None

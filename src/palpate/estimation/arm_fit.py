@@ -359,6 +359,7 @@ class Assumed:
         return [self._cause(rows, name, level) for name in names]
 
     def _cause(self, rows: SpectrumRows, name: str, level: Array) -> Cause:
+        # Columns and prior of the links, the hand, sensor gains, and all other causes.
         if name in PARTS:
             columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
             prior = self.bodies.errors[:, PARTS[name]].ravel()

@@ -110,6 +110,7 @@ class Columns:
             ("what holds the object", "scene", HELD),
             ("what pulls with the place", "scene", SPRING),
         )
+        # Number the unknowns of each kind from 1.
         for what, of, which in kinds:
             for i, effect in enumerate(errors[which].tolist()):
                 yield f"{what} {i + 1}", of, effect

@@ -455,6 +455,7 @@ def _drag(
     breaks = np.flatnonzero(np.diff(samples.t[found]) > PAUSE) + 1
     still = [samples.wrench[part, :3] for part in np.split(found, breaks)]
     period = float(np.median(np.diff(samples.t)))
+    # Project all series on the direction of the drag; the caller sets start and mass.
     return Drag(
         samples.t[rows],
         way,

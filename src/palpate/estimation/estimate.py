@@ -544,6 +544,7 @@ class Estimate:
         if not self.has_value:
             return f"<p>{heading}. {escape(self.method)}</p>"
         rows: list[str] = []
+        # One row a component; a one-sided limit replaces the interval at a bound.
         for i, (value, std) in enumerate(zip(*_columns(self.values, self.stds), strict=True)):
             interval = self.limit_in_words(i) or " … ".join(self._ends(i))
             rows.append(f"<tr><td>{value}</td><td>± {std}</td><td>{interval}</td></tr>")

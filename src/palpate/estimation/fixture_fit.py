@@ -71,6 +71,7 @@ class Passes:
 def passes_of(trace: Trace, recordings: list[Recording], joint: Joint) -> Passes | None:
     """Blocks of all passes in recordings of one fixture; None if nothing moved."""
     observed = observe(trace)
+    # Blocks of all recordings, transposed to one array a field.
     parts = [
         block
         for number, recording in enumerate(recordings)
@@ -144,6 +145,7 @@ def blocks_of(t: Array, moving: Mask, way: Array) -> Iterator[slice]:
     `way` (n,), m, is the travel of the handle. Its first `HANDLE_SETS_OUT` of each motion is skipped.
     """
     for whole in runs(moving):
+        # Skip the start of the motion, in which friction reverses, and divide the rest into equal blocks.
         gone = np.abs(way[whole] - way[whole.start])
         rows = slice(whole.start + int(np.argmax(gone > HANDLE_SETS_OUT)), whole.stop)
         duration = float(t[rows.stop - 1] - t[rows.start])
@@ -336,11 +338,13 @@ def _of_arm(passes: Passes, lever: float) -> Iterator[Cause]:
     drift = HANDLE_DRIFT * lever**2
     # With and without the handle the arm has nearly the same poses, so most of its drift is common to both.
     yield Cause("drift", passes.travel[:, None], np.array([drift]))
+    # Each recording has its own zero and a small own slope.
     for number in np.unique(passes.recording).tolist():
         here = (passes.recording == number).astype(float)
         columns = np.column_stack([here, here * passes.travel])
         prior = np.array([HANDLE_FORCE * lever, HANDLE_ELSEWHERE * drift])
         yield Cause(f"zero {number:.0f}", columns, prior)
+    # Dry and viscous friction of the arm's joints, and inertia of its links.
     joints = passes.rubbing.shape[1]
     if joints:
         level = np.full(joints, JOINT_LEVEL)
@@ -372,6 +376,7 @@ def _gains(passes: Passes, felt: Array, hand: NominalHand) -> Cause:
 
 def _noise(passes: Passes, causes: Sequence[Cause]) -> SignalNoise:
     """White noise of the blocks, with a coloured residual."""
+    # White noise of a block, and a residual that depends on time and travel.
     white = np.sqrt(passes.white + FLOOR**2)
     sensors = SignalNoise([np.diag(white)], float(len(white)))
     count = len(passes.t)

@@ -156,6 +156,7 @@ def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
         left: Array = values[:, i] - scales @ values[:, i] / scales.sum()
         statistic += float(left @ np.linalg.solve(covariance, left))
         off[:, i] = np.abs(left) / np.sqrt(covariance.diagonal())
+    # Name the run with the largest deviation, and list all values.
     farthest = sources[int(off.max(axis=1).argmax())].run
     shown: list[str] = []
     for source in sources:
@@ -184,6 +185,7 @@ def _merge_shared_errors(sources: Sequence[Source], weights: Array) -> tuple[Sha
     """Error causes that the fused estimate shares with further runs, with weighted effects."""
     arms = {source.arm for source in sources}
     found: dict[tuple[str, str], Array] = {}
+    # Sum the weighted effects of each cause; a cause in one arm keeps that arm's name among several.
     for source, weight in zip(sources, weights, strict=True):
         for (owner, cause), effect in source.causes():
             named = cause if owner == "scene" or len(arms) == 1 else f"{cause} of {owner}"
@@ -200,6 +202,7 @@ def _method(sources: Sequence[Source], weights: Array, std: Array) -> str:
     for source, weight in zip(sources, weights, strict=True):
         shares = ", ".join(f"{100 * share:.0f} %" for share in weight.tolist())
         parts.append(f"{source.run} ({shares})")
+    # Remaining standard deviation without the runs' own errors: the shared part.
     own = np.sum([(w * one.own) ** 2 for one, w in zip(sources, weights, strict=True)], axis=0)
     left = np.sqrt(np.maximum(std**2 - own, 0.0))
     floors = ", ".join(f"{floor:.2g}" for floor in left.tolist())

@@ -65,6 +65,7 @@ def widths_at_grasps(trace: Trace, body: Body) -> Iterator[Extent]:
     for leaf in trace.leaf_runs(CLOSING):
         if leaf.context is None or leaf.context.holding != body.name:
             continue
+        # Samples at the end of the grasp, in which the fingers rest on the object.
         samples = trace.samples.between(leaf.end - GRASPED, leaf.end)
         if not len(samples):
             continue

@@ -163,6 +163,7 @@ def _of_whole(
     apart = np.abs(value - load.value) / np.sqrt(np.diag(load.covariance))
     if apart.max() > WHOLE_APART:
         return None
+    # The effects of shared errors transform like the value.
     links = {name: turned @ effect for name, effect in whole.links.items()}
     gains, crosstalk = turned @ whole.gains, turned @ whole.crosstalk
     better = replace(load, value=value, covariance=covariance, gains=gains, crosstalk=crosstalk)
@@ -185,6 +186,7 @@ def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
     samples = trace.samples
     t, moving = samples.t, commanded_rows(samples)
     swept = 0.0
+    # Integrate the rotation rate over the commanded parts of each tilt.
     for recording in _recordings(trace, name, "tilting"):
         start, end = max(since, recording.start), min(until, recording.end)
         rows = moving & (t >= start) & (t <= end)
@@ -206,6 +208,7 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
 
     The weighing compares it with the same part of the empty hand's rotation.
     """
+    # Pair each loaded tilt with one of the empty hand that starts at the same pose.
     empty = [
         one
         for one in trace.recordings
@@ -223,6 +226,7 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
 def tilt_parts(
     trace: Trace, loaded: Recording, empty: Recording
 ) -> Iterator[tuple[Recording, Weighing]]:
+    # Weigh all parts that both tilts have, in one fit of their noise.
     t, own = trace.samples.t, _parts(trace, empty)
     mine = {kind: rows for kind, rows in _parts(trace, loaded).items() if kind in own}
     cuts = [SegmentCut(kind, True, rows) for kind, rows in mine.items()]
@@ -244,6 +248,7 @@ def tilt_parts(
 def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
     """Rows of a tilt recording by name: bins of each rotation, and each rest."""
     t = trace.samples.t
+    # Bins of the rotations, and the rests that last long enough.
     inside = (t >= recording.start) & (t <= recording.end)
     parts = {f"tilt {i} {k}": rows for (i, k), rows in turn_bins(trace, recording).items()}
     rests = [

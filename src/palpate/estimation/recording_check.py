@@ -124,6 +124,7 @@ class Claim:
         Only blocks whose rows are all `used` (n,) and all or none `loaded` (n,) count. `held` means that the
         torques exclude the gravity of the described arm.
         """
+        # First row and row count of each block of `WHOLE_BLOCK` s.
         blocks = np.floor((log.t - log.t[0]) / WHOLE_BLOCK + 1e-6)
         starts = np.flatnonzero(np.diff(blocks, prepend=-1.0))
         counts = np.diff(np.append(starts, len(blocks)))
@@ -136,6 +137,7 @@ class Claim:
         rows = np.flatnonzero(whole & ((share == 0.0) | (share == 1.0)))
         if len(rows) > ROWS:
             rows = rows[np.linspace(0, len(rows) - 1, ROWS).astype(int)]
+        # Torques logged without gravity get that of the described arm back.
         t, q, dq, tau = (mean(signal)[rows] for signal in (log.t, log.q, log.dq, log.tau))
         made = cls(t, q, dq, tau, share[rows], hand, gravity)
         return replace(made, tau=tau + made.holding(gravity)) if held else made

@@ -353,6 +353,7 @@ def spring_view(spring: Spring, compliance: float, tips: float, start: float) ->
 
     `compliance` is that estimated for the surface, `tips` that of the fingertips, both in m/N.
     """
+    # Show the contact and a little of the free air before it.
     shown = spring.depth > -VIEW_FREE_AIR * spring.depth.max()
     depth = spring.depth[shown]
     # Surface and fingertips in series: k = 1 / (c + c_tips). Its derivative by the surface's 1 / c is (k c)².
@@ -379,6 +380,7 @@ def damping_view(spring: Spring, damping: float, start: float, slope: float = 1.
 
     `damping` is the estimate for the surface, N s/m; `slope` its derivative by the component of the estimate.
     """
+    # Rows in contact.
     pressing = spring.depth > 0.0
     sinking = spring.sinking[pressing]
     return FitView(
@@ -468,11 +470,14 @@ def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
     greatest force, as joint friction reverses there.
     """
     samples = descent.samples
+    # Drop the oscillation at the start of the motion, and outliers.
     rows = samples.t > descent.leaf.start + SWING
     rows &= np.abs(descent.force - descent.smooth) < WILD * noise
+    # A probe that was eased ends at its greatest force.
     target = samples.target_world_tcp[:, 2]
     if target[-1] - target.min() > EASED:
         rows &= np.arange(len(rows)) <= int(np.argmax(descent.smooth))
+    # Rows on a stiff support below a soft layer do not belong to the spring.
     if onset.bottomed is None:
         return rows
     return rows & (descent.z > onset.bottomed)
@@ -480,10 +485,12 @@ def _rows(descent: Descent, onset: Onset, noise: float) -> Mask:
 
 def _first(descent: Descent, onset: Onset, curve: _Curve) -> float:
     """Height of first contact, m, with the least sum of squares, by a nested grid search."""
+    # First grid: from the resting tip to half of the depth above the apparent onset.
     held = descent.held
     depth = max(onset.first - held, UNSEEN)
     low, high = held, min(onset.first + max(depth / 2, SOFT), float(descent.z.max()))
     best = onset.first
+    # Each further grid spans the two neighbours of the best height.
     for candidates in SEARCHES:
         heights = np.linspace(low, high, candidates)
         sums = [curve.solve(float(height))[1] for height in heights]

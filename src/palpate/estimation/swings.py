@@ -108,6 +108,7 @@ class SwingResponse:
 def swings(trace: Trace, recording: Recording, noise: SignalLevels) -> Sequence[SwingResponse]:
     """Responses to all swings of a recording, in order; `noise` is that of each signal."""
     samples, observed = trace.of(recording), observe(trace)
+    # Signals in the rows of the recording, and gear ripple where the hand states it.
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]
     cycles = trace.hand.ripple_cycles or (0.0,) * signals.shape[1]

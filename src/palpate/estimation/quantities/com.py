@@ -98,6 +98,7 @@ class CentreOfMass(Quantity):
         stated = [UNKNOWN] * 3
         if body.elements.inertial is not None:
             stated = tokens(body.elements.inertial.get("pos")) or stated
+        # Box of the geoms with a prior proportional to its extent; stated numbers are exact.
         mean, extents = (part.tolist() for part in body.box())
         std = [COM_PRIOR * max(extent, 1e-3) for extent in extents]
         for i, part in enumerate(stated):
@@ -165,12 +166,14 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
             parameter, UNIT, "No recording shows the object held still in the air."
         )
     load = found.load
+    # Equations of the grasps, repeated with the droop at the estimated centre.
     grasps = grasps_of(trace, found, body, body.centre)
     for _ in range(COM_ITERATIONS):
         # The effect of a rotation in the grip depends on the centre of mass.
         centre, *_ = balance(grasps, body)
         grasps = grasps_of(trace, found, body, centre)
     centre, covariance, agree, shared = balance(grasps, body)
+    # Further results: mass of the joint fit, and the smallest moment.
     torques = [float(np.hypot(*moment)) for moment in load.value[1:].reshape(-1, 2)]
     parts = {
         "mass": FurtherValue(load.force / trace.gravity, load.force_std / trace.gravity, "kg"),

@@ -170,6 +170,7 @@ def guarded_estimate(
         found = estimator(trace, parameter, body)
     except Exception as error:
         return failed_estimate(parameter, f"Its estimator failed, {type(error).__name__}: {error}.")
+    # Reject values that are not finite, then apply the physical bounds.
     numbers = (found.values, found.stds, found.intervals)
     if not all(np.isfinite(part).all() for part in numbers):
         return failed_estimate(parameter, "Not every number that was recorded for it is finite.")
@@ -183,6 +184,7 @@ def judge_evidence(found: Estimate, evidence: Trace, trace: Trace) -> Estimate:
     reason = f"What was recorded in {action} and after is no evidence: it did not end well."
     if not found.has_value:
         return failed_estimate(found.parameter, f"{found.method} {reason}")
+    # Keep the value if the valid recordings contain all evidence, or enough for some components.
     quantity = catalogue().get(found.parameter.quantity)
     logged = [(recording.buffer, recording.context) for recording in evidence.recordings]
     if quantity is None or quantity.is_evidenced(found.parameter, logged):

@@ -208,6 +208,7 @@ def _method(fit: JointFit) -> str:
 
 def _view(fit: JointFit) -> FitView:
     """Chart of the force along the joint over its rate."""
+    # Blocks with the handle in the hand, without causes in the arm.
     held = fit.passes.held > 0.0
     own = fit.own()[held]
     unit = fit.joint.unit()

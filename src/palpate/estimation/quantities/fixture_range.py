@@ -187,6 +187,7 @@ class Range(Quantity):
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         joint = body.joint
         assert joint is not None
+        # Open limits lie symmetrically about the present position; stated ones are exact.
         scale = 1.0 if joint.is_slide else 1.0 / LEVER
         mean, std = scale * BELIEVED[0], scale * BELIEVED[1]
         low, high = joint.open
@@ -201,6 +202,7 @@ class Range(Quantity):
     def draw(self, body: Body, prior: Prior, random: np.random.Generator) -> tuple[float, ...]:
         joint = body.joint
         assert joint is not None
+        # Draw the open limits about the present position.
         scale = 1.0 if joint.is_slide else 1.0 / LEVER
         low, high = prior.mean
         if prior.std[0]:
@@ -215,6 +217,7 @@ class Range(Quantity):
         joint, element = body.joint, body.elements.joint
         assert joint is not None
         assert element is not None
+        # The file may state angles in degrees; stated limits stay as written.
         settings = compiler_settings(element.getroottree().getroot())
         degrees = not joint.is_slide and settings.get("angle", "degree") == "degree"
         parts = tokens(body.defaults.attribute(element, "range") or "? ?")
@@ -242,6 +245,7 @@ def estimate_range(trace: Trace, parameter: Parameter, body: Body | None) -> Est
     for recording in recordings:
         for limit in limits_of(trace, recording, joint):
             met[limit.sign].append(limit)
+    # Estimate each open side; a stated side is exact.
     sides = ((-1.0, joint.low, joint.open[0]), (1.0, joint.high, joint.open[1]))
     anything = any(joint.open)
     values: list[float] = []

@@ -231,6 +231,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
 def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]:
     """Goodness-of-fit tests of Coulomb friction with one coefficient."""
+    # Fraction of rows in which the hand does not follow its command.
     held = sum(int(np.sum(drag.swung_out & ~drag.moving)) for drag in drags)
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
     value, std = found.friction

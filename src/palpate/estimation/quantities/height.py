@@ -163,6 +163,7 @@ def open_places(body: BodyDescription) -> set[str]:
     """Unknown numbers of a surface's height: the z of its `body` or `geom`, or its half height, `size`."""
     element = body.elements.element
     places: set[str] = set()
+    # The z of the body, then the z and half height of its geoms.
     if element.tag == "body" and has_unknown(element, "pos", 2):
         places.add("body")
     for geom in body.elements.geoms:
@@ -211,6 +212,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
     declared = trace.converted(parameter)
     if declared is None:
         return not_measured(parameter, UNIT)
+    # All guarded descents on the surface, or the declared one alone.
     recordings = probes(trace, parameter) or [declared]
     found = touches_of(trace, recordings)
     if not found:
