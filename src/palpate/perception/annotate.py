@@ -101,6 +101,7 @@ class Ground:
             if start >= end:
                 start, end = floor(near / STEP), ceil(far / STEP)
             ends.append((STEP * start, STEP * end))
+        # The ground is the top of the table.
         (west, east), (south, north) = ends
         return cls(float(table[:, 2].max()), (west, south), (east, north))
 
@@ -181,6 +182,7 @@ def _bare_spot(camera: Camera, ground: Ground, things: Mask) -> Array:
 def draw_grid(spec: mujoco.MjSpec, ground: Ground) -> None:
     """Draw the grid on the table of `spec`, in place; objects occlude it."""
     spec.add_material(name=GRID, rgba=[0.10, 0.12, 0.16, 0.55], specular=0.0)
+    # Thin boxes slightly above the table.
     middle = (np.array(ground.low) + ground.high) / 2
     half = (np.array(ground.high) - ground.low) / 2
     z = ground.z + RAISED
@@ -212,6 +214,7 @@ def annotate(
         ground: the visible part of the table.
         things: pixels that labels should leave free.
     """
+    # Leave out objects below the ground, which are not visible.
     names = {name: point for name, point in names.items() if point[2] > ground.z - HIDDEN}
     image = Image.fromarray(pixels)
     draw = ImageDraw.Draw(image)
@@ -278,11 +281,13 @@ def _clearest(
     """
 
     def cost(box: Box) -> tuple[int, float]:
+        # Count the object pixels under the label.
         left, top, right, bottom = (max(0, round(edge)) for edge in box)
         hidden = float(things[top:bottom, left:right].sum())
         astray = sum(_crosses(foot, box, other) for _, other in placed)
         astray += sum(_crosses(at, other, box) for at, other in placed)
         middle = (left + right) / 2, (top + bottom) / 2
+        # A label nearer to another object would be ambiguous.
         away = dist(middle, foot)
         astray += sum(dist(middle, other) < away for other in feet)
         overlapped = sum(_overlap(box, other) for _, other in placed)
@@ -293,6 +298,7 @@ def _clearest(
 
 def _crosses(foot: Pixel, label: Box, other: Box) -> bool:
     """True if the line from `foot` to the centre of its label crosses another box."""
+    # Sample the line at 16 points.
     middle = np.array([(label[0] + label[2]) / 2, (label[1] + label[3]) / 2])
     line = np.linspace(foot, middle, 16)
     return bool(((line > other[:2]) & (line < other[2:])).all(axis=1).any())
@@ -307,6 +313,7 @@ def _overlap(one: Box, other: Box) -> bool:
 
 def _draw_figures(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
     """Write the coordinates at the ends of grid lines nearest to the camera."""
+    # Edges on the camera's side, where the text is not occluded.
     eye = camera.pose_world_camera.position
     edges: list[float] = []
     for low, high, place in zip(ground.low, ground.high, eye[:2].tolist(), strict=True):
@@ -325,6 +332,7 @@ def _thin_lines(lines: list[float]) -> list[float]:
 
 def _draw_axes(draw: ImageDraw.ImageDraw, camera: Camera, ground: Ground) -> None:
     """Draw the axes of the world."""
+    # A light outline keeps the axes visible on any table.
     origin, *tips = ground.axes
     start = camera.project(origin)
     for (name, colour), tip in zip(AXES.items(), tips, strict=True):

@@ -90,6 +90,7 @@ class RealSense:
                 except RuntimeError as error:
                     raise Unavailable(f"the RealSense camera gives no picture: {error}") from None
                 frame = frames.get_color_frame()
+                # Skip the first frames until the exposure settles.
                 if frame and count >= WARM_UP:
                     if self._align is not None:
                         # Depth aligned to the colour pixels, in mm.
@@ -137,6 +138,7 @@ def pictures(
         Unavailable: the camera does not answer.
     """
     stated = None if intrinsics is None else read_lens(intrinsics)
+    # A picture file has no stream and no depth.
     if Path(source).suffix.lower() in PICTURES:
         lens, mount = _require_lens(stated)
         return [load_image(Path(source), LARGEST)], lens, mount, None
@@ -191,6 +193,7 @@ class Stream:
         Raises:
             Unavailable: the camera has stopped.
         """
+        # Wait for the first picture, then require a fresh one.
         self._first.wait(CAMERA_TIMEOUT)
         if self._failed is not None:
             raise self._failed
@@ -203,6 +206,7 @@ def _open_source(
     source: str, stated: tuple[Lens, Mount | None] | None, deep: bool
 ) -> tuple[Frames, Lens, Mount | None, Callable[[], Depth]]:
     """Open a camera or video; return its pictures, lens, pose, and newest depth."""
+    # A RealSense camera states its own intrinsics, unless a file replaces them.
     kind, _, rest = source.partition(":")
     if kind == REALSENSE:
         camera = RealSense(rest or None, deep)

@@ -113,6 +113,7 @@ class Shot:
 
     def serves(self, wanted: Shot) -> bool:
         """True if this shot hardly differs from the `wanted` one."""
+        # Compare the boxes of both views.
         both = [
             np.array([one.points.min(axis=0), one.points.max(axis=0)]) for one in (self, wanted)
         ]
@@ -120,6 +121,7 @@ class Shot:
 
     def rows(self, footage: Footage) -> list[int]:
         """Indices of the frames to render."""
+        # Frames at equal intervals of film time, the nearest recorded one after each.
         t = np.array([t for t, _ in footage.frames])
         return np.searchsorted(t, np.arange(t[0], t[-1], self.speed / FPS)).tolist()
 
@@ -178,6 +180,7 @@ def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator
 def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]) -> list[Caption]:
     """Captions at robot times (s): the running leaves, and force with time."""
     said: list[Caption] = []
+    # Force at the sample of each frame, and the leaves that run then.
     rows = np.searchsorted(samples.t, times).clip(max=len(samples) - 1)
     for now, row in zip(times, rows.tolist(), strict=True):
         force = f"Fz {samples.wrench[row, 2]:+5.1f} N" if len(samples) else ""
@@ -189,6 +192,7 @@ def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]
 def _add_caption(picture: Pixels, caption: Caption) -> Pixels:
     """Draw a caption in a dark band at the bottom of a picture."""
     leaves, figures = caption
+    # A dark band with the leaves at the left and the figures at the right.
     image, font = Image.fromarray(picture), _font()
     draw = ImageDraw.Draw(image, "RGBA")
     width, height = image.size
@@ -236,7 +240,7 @@ def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
             ffmpeg_log_level="error",
             output_params=["-crf", str(QUALITY), "-preset", "veryfast", "-movflags", "+faststart"],
         )
-        writer.send(None)  # imageio_ffmpeg's writer is a generator: this starts it
+        writer.send(None)  # starts the generator
         try:
             for frame in chain([first], source):
                 writer.send(np.ascontiguousarray(frame[:height, :width]))
@@ -320,7 +324,7 @@ class Reel:
     def _look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
         # Collect new samples and the leaves that ended since the last call.
         self._samples.append(samples)
-        if len(leaves) < self._leaves:  # a further attempt
+        if len(leaves) < self._leaves:  # a new attempt
             self._leaves = 0
         ended, self._leaves = leaves[self._leaves :], len(leaves)
         self._ended += ended
@@ -342,6 +346,7 @@ class Reel:
     def _finish(self, footage: Footage, trace: Trace) -> None:
         if self._copy is None or self._shot is None:
             return
+        # The planned view may differ from the actual one; then the film is rendered again.
         if not self._shot.serves(Shot.of(footage)):
             self._give_up()
             return
@@ -375,10 +380,12 @@ class Reel:
     def _begin(self, shot: Shot, footage: Footage, chunk: Chunk) -> None:
         source, sink = Pipe(duplex=False)
 
+        # The copy receives frames through a pipe. If it fails, the same function runs in this
+        # process.
         def work() -> Film | None:
             if parent_process() is None:  # the copy has failed
                 return None if self._whole is None else film_of(*self._whole)
-            sink.close()  # the end of the original process then ends the source, too
+            sink.close()  # so that the source ends with the original process
             return film_frames(footage, shot, _receive_frames(source, chunk))
 
         self._copy, self._sink = Beside(work), sink
@@ -397,6 +404,7 @@ def _receive_frames(source: Connection, chunk: Chunk) -> Iterator[Frame]:
     """
     waiting, is_open = deque(chunk), True
     while is_open or waiting:
+        # Read everything that has arrived; block only if there is nothing to render.
         while is_open and source.poll(0.0 if waiting else None):
             more: Chunk = source.recv()
             waiting.extend(more)

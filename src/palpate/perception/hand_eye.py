@@ -50,7 +50,7 @@ def calibrated_camera(
         pose = Pose(row[:3], row[3:])
     else:
         pose = hand()
-        q = nominal.reach(pose, q)  # about: how the elbow stands hardly matters
+        q = nominal.reach(pose, q)  # approximate: the elbow hardly matters
     # Transform the mount to the world.
     seen = mount.within(pose)
     # Add the pose error of the arm at the camera, rotated from the base to the world.
@@ -148,7 +148,7 @@ def with_tag(
     spec, random = world.copy(), np.random.default_rng([seed, *b"sticker"])
     # Placement error; a tag on the bench lies flat.
     off, turn = random.uniform(-OFF, OFF, 3), random.normal(0, ASKEW, 3)
-    if on is not None:  # it lies flat
+    if on is not None:  # flat on the bench
         off, turn = off * [1, 1, 0], turn * [0, 0, 1]
     askew = Pose(off, Pose.turn(turn).quaternion)
     if on is None:

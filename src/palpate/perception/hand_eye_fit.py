@@ -284,9 +284,7 @@ def surest(views: CalibrationViews, tag: Pose, count: int) -> list[int]:
     """
     # Prior: camera, lens and arm, and the tag pose to 0.1 m and 0.1 rad.
     information, known, wanted = views.information(tag), views.prior(), views.wanted()[:3]
-    known[6:12, 6:12] += 100.0 * np.eye(
-        6
-    )  # the tag is where it is believed to be, to 0.1 m and rad
+    known[6:12, 6:12] += 100.0 * np.eye(6)  # prior of the tag pose
     # Add the view with the smallest expected trace, one by one.
     left, chosen = list(range(len(views.hands))), list[int]()
     for _ in range(min(count, len(left))):

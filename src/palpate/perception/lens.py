@@ -58,11 +58,13 @@ class Lens:
     @classmethod
     def of(cls, camera: Camera) -> Lens:
         """Lens of a MuJoCo pinhole camera."""
+        # The principal point is the centre of the picture in OpenCV's pixel convention.
         middle = (camera.width - 1) / 2, (camera.height - 1) / 2
         return cls(pinhole(camera.focal, *middle), (camera.width, camera.height))
 
     def zoom_lens(self, zoom: float) -> Lens:
         """Return the lens with the focal length times `zoom`."""
+        # The zoom scales both focal lengths and keeps the principal point.
         factors = np.array([[zoom, 1, 1], [1, zoom, 1], [1, 1, 1]])
         return replace(self, matrix=self.matrix * factors)
 
@@ -104,6 +106,7 @@ class Mount:
 
     def within(self, frame: Pose) -> Mount:
         """Transform the mount from a frame at this pose to its parent frame."""
+        # Rotate position and rotation blocks of the covariance.
         turn = np.eye(len(self.covariance))
         turn[:3, :3] = turn[3:6, 3:6] = frame.rotation
         return Mount(frame @ self.pose_world_camera, turn @ self.covariance @ turn.T)
@@ -155,6 +158,7 @@ class _Lens(Section):
             return cast("Any", content)
         content = cast("dict[str, Any]", content)
         try:
+            # The matrix is stored as nine numbers, row by row.
             fx, _, cx, _, fy, cy, *_ = content["camera_matrix"]["data"]
             return {
                 "fx": fx,
@@ -184,6 +188,7 @@ def read_lens(path: Path) -> tuple[Lens, Mount | None]:
     matrix = np.array([[read.fx, 0.0, read.cx], [0.0, read.fy, read.cy], [0.0, 0.0, 1.0]])
     distortion = np.array([*read.distortion, *[0.0] * (5 - len(read.distortion))])
     lens = Lens(matrix, read.size, distortion, read.focal_std)
+    # The pose of the camera is optional.
     stands = read.pose
     if stands is None:
         return lens, None

@@ -98,6 +98,7 @@ def outlines(
     shapes: dict[str, tuple[Array, ...]] = {}
     description = scene.resolved.description
     for name, pose in poses.items():
+        # Motion from the scene pose to the fitted pose.
         body = description.bodies[name]
         step = pose @ scene.body(name).pose_world.inverse()
         # Move the collision shapes to the fitted pose; the outline is the convex hull of each
@@ -157,6 +158,7 @@ class Seen:
         vertical, rad.
         """
         covariance = self.covariances[name]
+        # Largest eigenvalue of the horizontal block of the covariance.
         level = np.linalg.eigvalsh(covariance[:2, :2])[-1]
         return float(np.sqrt(level)), float(np.sqrt(covariance[5, 5]))
 
@@ -164,6 +166,7 @@ class Seen:
     def content(self) -> dict[str, Any]:
         """Content of a poses.yaml."""
         poses = {**self.surfaces, **self.poses}
+        # The median suppresses single bad detections.
         return {"objects": {name: self._entry(name, pose) for name, pose in poses.items()}}
 
     @property
@@ -178,6 +181,7 @@ class Seen:
             InputError: the file exists or cannot be written.
         """
         path = Path(path)
+        # Parse the text before it is written, so that no invalid file results.
         text = yaml_text(self.content)
         parse_poses(text, str(path))
         write_new(path, text)
@@ -191,6 +195,7 @@ class Seen:
         return table(repr(self), ("object", "place, m", "±, mm"), rows)
 
     def _entry(self, name: str, pose: Pose) -> dict[str, Any]:
+        # Four significant digits of the covariance.
         rows = [[float(f"{part:.3e}") for part in row] for row in self.covariances[name].tolist()]
         return {
             "pos": pose.position.round(DIGITS).tolist(),
@@ -229,6 +234,7 @@ def look(
             or an invalid answer of the estimator.
         Unavailable: OpenCV is not installed, or the estimator does not answer.
     """
+    # Lens and pose prior of the camera.
     lens, mount = calibrated_camera(scene, lens, mount, hand)
     tags = tags_of(scene)
     if not tags and estimator is None:
@@ -255,6 +261,7 @@ def look(
     problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
     found = solve(problem)
     notes += _said(found, tags)
+    # Order of the scene, whatever the order in the fit.
     objects = [name for name in scene.objects if name in found.poses]
     poses = {name: found.poses[name] for name in objects}
     heights = dict(_heights(scene, found))
@@ -311,6 +318,7 @@ def _corners(pictures: list[NDArray[np.uint8]], lens: Lens, notes: list[str]) ->
 
 def things_of(scene: Scene) -> dict[str, UnknownBody]:
     """Return the bodies with unknown poses: objects, and surfaces of unknown height."""
+    # Surface under each object in the scene.
     supports = {
         name: surface.name for surface in scene.surfaces.values() for name in surface.carries
     }

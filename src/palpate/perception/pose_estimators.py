@@ -49,6 +49,7 @@ def exchange_document(source: str, document: bytes, patience: float | None = Non
         Unavailable: it is unreachable or fails, or its answer is too late or too large.
     """
     seconds = PATIENCE if patience is None else patience
+    # A source with an http scheme is a server, anything else a command line.
     url = urlsplit(source)
     answer = (
         _post(url, document, seconds)
@@ -107,6 +108,7 @@ def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool
         The output, up to slightly above the limit, and False after a timeout.
     """
     assert process.stdout is not None
+    # Read in parts, so that time and size limits apply at any point.
     answer = bytearray()
     with process.stdout, selectors.DefaultSelector() as waiting:
         waiting.register(process.stdout, selectors.EVENT_READ)
@@ -163,6 +165,7 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
         raise Unavailable(f"{_WHO} at {where}: {error.strerror or error}") from None
     finally:
         connection.close()
+    # Redirects are not followed: any status other than 200 is a failure.
     if response.status != 200:
         raise Unavailable(f"{_WHO} at {where} answers with HTTP status {response.status}")
     return answer
@@ -171,6 +174,7 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
 @contextmanager
 def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Event]:
     """Close a connection after a total time, even if it still receives data; then set the event."""
+    # Shutting the socket down interrupts a blocked read.
     late = threading.Event()
 
     def close() -> None:
@@ -228,6 +232,7 @@ def request(
     depth: NDArray[np.uint16] | None = None,
 ) -> bytes:
     """Return the JSON document for an estimator."""
+    # Picture, intrinsics with distortion, and a mesh of each object.
     (fx, _, cx), (_, fy, cy), _ = lens.matrix.tolist()
     content = {
         "palpate_estimator": 1,

@@ -42,6 +42,7 @@ class PosedCell:
             joint = int(model.body_jntadr[body]) if body > 0 else -1
             if joint >= 0 and model.jnt_type[joint] == mujoco.mjtJoint.mjJNT_FREE:
                 self._bodies[name] = int(model.jnt_qposadr[joint])
+        # Objects start at their scene poses.
         self._initial = {name: scene.bodies[name].pose_world for name in self._bodies}
         self.put_back()
 
@@ -104,6 +105,7 @@ class Replay:
                 for holding in (self._holding, leaf.context.holding):
                     self._cell.carry(self._tcp(leaf.end), holding)
                 self._holding = leaf.context.holding
+        # Arm and fingers at the sample of this time.
         samples, row = self._trace.samples, self._row(t)
         self._cell.show(samples.q[row], float(samples.width[row]), self._tcp(t), self._holding)
 
@@ -117,6 +119,7 @@ class Replay:
 
 def played_again(scene: Scene, trace: Trace) -> Footage:
     """Replay a trace as camera footage, with everything at its believed pose."""
+    # Sample the replay at the frame period of the camera.
     cell = PosedCell(scene)
     replay = Replay(cell, trace)
     frames: list[tuple[float, Array]] = []

@@ -184,6 +184,7 @@ def take(
 
 def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
     """Return the mount of a camera with a random pose error and its covariance."""
+    # Random position and rotation error; the small floor keeps the covariance invertible.
     place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
     believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
     floor = 1e-12
@@ -196,6 +197,7 @@ def _through(drawn: NDArray[Any], lens: Lens) -> Array:
     length.
     """
     (width, height), (rows, columns, *_) = lens.size, drawn.shape
+    # Undistort the pixel grid, then shift it to the centre of the larger picture.
     grid = np.stack(np.meshgrid(np.arange(width), np.arange(height)), axis=-1).astype(float)
     there = undistort(lens, grid.reshape(-1, 2)).reshape(height, width, 2)
     return there + np.array([columns - width, rows - height]) / 2
@@ -230,6 +232,7 @@ def _print(spec: mujoco.MjSpec, site: mujoco.MjsSite, number: int, frame: Pose) 
     texture.data = np.repeat(fine[..., None], 3, axis=-1).tobytes()
     material = spec.add_material(name=name, specular=0.0, shininess=0.0)
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = name
+    # The paper includes the white margin around the black square.
     half = float(site.size[0]) * (MODULES + 2 * QUIET) / MODULES
     # A separate body, because a look replaces the geoms of its body.
     paper = site.parent.add_body(pos=frame.position, quat=frame.quaternion)

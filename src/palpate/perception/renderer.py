@@ -143,6 +143,7 @@ def _trial(backend: str) -> subprocess.Popen[str]:
     Raises:
         OSError: it cannot be started.
     """
+    # MuJoCo and PyOpenGL read the backend from the environment.
     environment = dict(os.environ)
     if backend:
         environment["MUJOCO_GL"] = backend
@@ -217,13 +218,14 @@ class Painter:
         self._render(data, camera)
         pixels = np.empty((self._rect.height, self._rect.width, 3), np.uint8)
         mujoco.mjr_readPixels(pixels, None, self._rect, self._context)
-        return pixels[::-1].copy()  # OpenGL's rows begin at the bottom
+        return pixels[::-1].copy()  # OpenGL rows start at the bottom
 
     def distances(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> Array:
         """Distances (height, width) along the view, m; those without geometry are at the far plane."""
         self._render(data, camera)
         buffer = np.empty((self._rect.height, self._rect.width), np.float32)
         mujoco.mjr_readPixels(None, buffer, self._rect, self._context)
+        # MuJoCo's clip distances are relative to the extent of the model.
         extent, clip = self.model.stat.extent, self.model.vis.map
         near, far = clip.znear * extent, clip.zfar * extent
         # The depth buffer d is linear in 1 / z: z = n f / (f − d (f − n)), with near plane n and
@@ -231,6 +233,7 @@ class Painter:
         return near * far / (far - buffer[::-1].astype(float) * (far - near))
 
     def _render(self, data: mujoco.MjData, camera: mujoco.MjvCamera | str) -> None:
+        # A name selects a fixed camera of the model.
         view = camera if isinstance(camera, mujoco.MjvCamera) else mujoco.MjvCamera()
         if isinstance(camera, str):
             view.type = mujoco.mjtCamera.mjCAMERA_FIXED
@@ -242,6 +245,7 @@ class Painter:
 
     def bodies(self, data: mujoco.MjData, camera: mujoco.MjvCamera) -> NDArray[np.int_]:
         """Body (height, width) in each pixel of a picture; 0 for the world and the background."""
+        # Segmentation mode of MuJoCo's renderer.
         flags = mujoco.mjtRndFlag
         numbered = [int(flags.mjRND_SEGMENT), int(flags.mjRND_IDCOLOR)]
         self._scene.flags[numbered] = True
@@ -328,6 +332,7 @@ def pad_box(points: Array, low: Sequence[float], high: Sequence[float]) -> Array
 
 def directions(azimuth: float, elevation: float) -> tuple[Array, Array, Array]:
     """Unit vectors (3,) forward, right and up of MuJoCo's free camera; angles in degrees."""
+    # Spherical coordinates of the view direction; right is horizontal.
     az, el = np.radians([azimuth, elevation])
     forward = np.array([np.cos(el) * np.cos(az), np.cos(el) * np.sin(az), np.sin(el)])
     right = np.array([np.sin(az), -np.cos(az), 0.0])
@@ -353,6 +358,7 @@ def framing(
         elevation: of the camera, degrees.
         margin: factor of the required width and height.
     """
+    # Start from the centre of the box.
     forward, right, up = directions(azimuth, elevation)
     lookat = (points.min(0) + points.max(0)) / 2
     offset = points - lookat

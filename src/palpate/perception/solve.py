@@ -198,8 +198,8 @@ def _best(problem: Problem) -> _LookFit:
 class _LookFit:
     """Least-squares fit from one starting point.
 
-    Unknowns: camera step (6), log focal length (1), per body a pose step (6) or height (1), and per
-    tag its offset (2) on the body. The loss is soft L1.
+    Unknowns: camera step (6) and log focal length (1). Each body adds a pose step (6) or a height
+    (1), and each tag its offset (2) on the body. The loss is soft L1.
     """
 
     def __init__(self, problem: Problem, start: tuple[Pose, Mapping[str, Pose]]) -> None:

@@ -97,6 +97,7 @@ def build_stage(
     elif not (lights or has_sky or _planes(drawn)):
         _furnish(drawn, things, soft=False)
     else:
+        # A scene with its own floor or light gets a sky and a lamp if it has none.
         if not has_sky:
             drawn.add_texture(
                 name="palpate_sky",
@@ -133,6 +134,7 @@ def _expose(spec: mujoco.MjSpec) -> None:
     # Sum the diffuse light on a horizontal surface and scale all lamps to the limit.
     shining = [light.diffuse * max(0.0, -light.dir[2]) for light in lights]
     lamps = float(np.max(np.sum([head.diffuse, *shining], axis=0)))
+    # Ambient light counts too, but cannot be dimmed below its minimum.
     share = (FULL - max(LEAST, float(np.max(head.ambient)))) / max(lamps, 1e-9)
     for light in (head, *lights):
         light.diffuse[:] = min(1.0, max(share, 0.0)) * light.diffuse
@@ -145,6 +147,7 @@ def loose_things(spec: mujoco.MjSpec) -> Array:
     These are the bodies with a free joint, else those with a look other than a table's, else all.
     """
     model = spec.compile()
+    # Fixed furniture is recognised by its look.
     others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
     return _extent(model, _free_bodies(model) or others)
 
@@ -186,6 +189,7 @@ def ground_below(spec: mujoco.MjSpec) -> Array:
     found = pad_box(loose * [1.0, 1.0, 0.0] + [0.0, 0.0, level], (1.0, 1.0, 0.0), (1.0, 1.0, 0.0))
     widest = 0.0
     for geom in range(model.ngeom):
+        # Planes are infinite and have no bounding box.
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             continue
         box = geom_corners(model, data, geom)
@@ -228,6 +232,7 @@ def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
     head.ambient[:], head.diffuse[:], head.specular[:] = AMBIENT, HEADLIGHT, 0.0
     # Lamps above the objects, directed at their centre.
     target = np.array([*((low + high) / 2)[:2], low[2]])
+    # A hard shadow comes from a single lamp of the same total brightness.
     lamps = LAMPS if soft else ((LAMPS[0][0], sum(bright for _, bright in LAMPS)),)
     for number, (place, bright) in enumerate(lamps):
         spec.worldbody.add_light(
@@ -241,6 +246,7 @@ def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
             exponent=1,
             castshadow=True,
         )
+    # Directional light of the window, without a shadow.
     place, way, bright = WINDOW
     spec.worldbody.add_light(
         name="palpate_window",
@@ -259,11 +265,13 @@ def _floor(spec: mujoco.MjSpec, table: float) -> float:
     material = spec.add_material(
         name=FLOOR, rgba=FLOOR_TINT, specular=0.1, shininess=0.1, texrepeat=[0.5, 0.5]
     )
+    # Uniform texture scale in metres, independent of the size of the plane.
     material.texuniform = True
     add_texture(spec, material, concrete())
     planes = _planes(spec)
     for plane in planes:
         plane.material = FLOOR
+    # A scene with planes keeps them; the lowest one is the floor.
     if planes:
         return float(min(plane.pos[2] for plane in planes))
     spec.worldbody.add_geom(
@@ -329,11 +337,13 @@ def render_workspace(
     loose objects and the small named bodies near them.
     """
     spec, (width, height), name = world.copy(), WORKSPACE, CAMERA
+    # The camera of poses.yaml is added to the scene and determines the aspect ratio.
     if camera is not None:
         spec.worldbody.add_camera(name=TAKEN, pos=camera.pos, quat=camera.quat, fovy=camera.fovy)
         height, name = round(width * camera.size[1] / camera.size[0]), TAKEN
     model = build_stage(spec)
     with Painter(model, width, height) as painter:
+        # A free camera frames the objects if the named camera does not exist.
         view: mujoco.MjvCamera | str = name
         if mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_CAMERA, name) < 0:
             things = things_in_view(world, names)
@@ -361,6 +371,7 @@ def render_before_after(
         Two PNG files.
     """
     looks = looks_in(before) if looks is None else looks
+    # One view of both scenes makes the pictures comparable.
     points = np.concatenate([_points(spec, bodies) for spec in (before, after)])
     return _still(before, looks, points, size), _still(after, looks, points, size)
 
@@ -384,6 +395,7 @@ def render_moment(
     """
     data = forward_data(model, qpos)
     points = in_view(model, extent(model, data, moving_bodies(model)))
+    # The view follows the collision shapes, because looks have no own extent.
     painted = drawn or model
     with Painter(painted, *size) as painter:
         return png(painter.paint(forward_data(painted, qpos), painter.enclose(points)))
@@ -412,6 +424,7 @@ def _points(spec: mujoco.MjSpec, bodies: Collection[str]) -> Array:
     """
     model = spec.compile()
     moving = moving_bodies(model)
+    # Static bodies in `bodies` do not enlarge the view of moving ones.
     named = [name for name in moving if name in bodies] or moving or bodies
     return in_view(model, extent(model, forward_data(model), named))
 

@@ -66,6 +66,7 @@ def tags_of(scene: Scene) -> dict[int, SceneTag]:
             raise InputError(
                 f"site '{name}' is on '{body}', which moves: put the tag on something else"
             )
+        # World pose of the site.
         quaternion = np.empty(4)
         mujoco.mju_mat2Quat(quaternion, data.site_xmat[i])
         found[number] = SceneTag(number, half, body, Pose.of(data.site_xpos[i], quaternion))
@@ -79,6 +80,7 @@ def corners(half: float, pose: Pose) -> Array:
 
 def _body(scene: Scene, model: mujoco.MjModel, index: int) -> str:
     """Return the scene body that contains a compiled body, or ""."""
+    # Go up the kinematic tree to the next named body of the scene.
     while index > 0 and model.body(index).name not in scene.bodies:
         index = int(model.body_parentid[index])
     return model.body(index).name if index > 0 else ""

@@ -160,7 +160,7 @@ def parse_plan(text: str | bytes) -> Plan:
         except UnicodeDecodeError as error:
             raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
     text = text.removeprefix("\ufeff")
-    if nesting(text) > MAX_NESTING:  # before the JSON reader recurses
+    if nesting(text) > MAX_NESTING:  # before the recursive reader
         raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
     try:
         document = json.loads(
@@ -265,6 +265,7 @@ def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
 
 def nesting(text: str) -> int:
     """Return the bracket depth of JSON text, without brackets in strings."""
+    # Count brackets outside strings; unbalanced text is left to the JSON parser.
     depth = deepest = 0
     for bracket in re.findall(r"[\[\]{}]", _STRING.sub("", text)):
         depth += 1 if bracket in "[{" else -1
@@ -286,6 +287,7 @@ def unique_json(text: str) -> object:
 
 
 def _unique(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    # JSON allows duplicate fields, of which a parser would keep the last one silently.
     found: dict[str, Any] = {}
     for key, value in pairs:
         if key in found:
@@ -370,6 +372,7 @@ def _frozen(value: object, path: str) -> object:
 
 
 def _node_json(node: Node) -> dict[str, Any]:
+    # Fields in the order of the file format.
     document: dict[str, Any] = {"type": node.type}
     if node.name:
         document["name"] = node.name
@@ -399,7 +402,7 @@ def _text(value: object, path: str) -> str:
     # JSON escapes can make lone surrogates, which no UTF-8 file can hold.
     if any("\ud800" <= c <= "\udfff" for c in value):
         _fail(path, "contains half of a surrogate pair")
-    return redact(value)  # a key that was escaped in the JSON stands here in full
+    return redact(value)  # an escaped key is complete here
 
 
 def _kind(value: object) -> str:

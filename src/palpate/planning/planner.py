@@ -112,6 +112,7 @@ class PlannerKind:
     def accepts(self, spec: str) -> bool:
         """True if `spec` has this form."""
         name, _, argument = spec.partition(":")
+        # Without an argument the spec is the name alone.
         if not self.argument:
             return spec == self.name
         return name == self.name and (self.optional or argument != "")
@@ -179,6 +180,7 @@ def _matching(pattern: str, scene: Scene) -> list[Parameter]:
 
 def _parameter(name: str, scene: Scene) -> Parameter:
     """Return the parameter of an exact name, or raise an error with the valid names."""
+    # The last point separates the quantity; body names may contain points.
     object, dot, id = name.rpartition(".")
     bodies = [*scene.bodies, GRIPPER]
     # A body without a quantity is a frequent error, so it has its own message.
@@ -191,6 +193,7 @@ def _parameter(name: str, scene: Scene) -> Parameter:
     if id not in scene.catalogue:
         meant = scene.catalogue.meant(id)
         raise unknown_name("quantity in measure=", id, scene.catalogue, HINT, meant)
+    # The body's role must fit the subject of the quantity.
     subject = scene.catalogue[id].subject
     role = GRIPPER if object == GRIPPER else scene.bodies[object].role
     # A held object also has the quantities of the gripper.

@@ -112,11 +112,11 @@ def read_proposal(text: bytes) -> Proposal:
     try:
         return read_answer(text.decode("utf-8-sig"))
     except UnicodeDecodeError:
-        parse_plan(text)  # raises with the byte that is no text
+        parse_plan(text)  # raises with the invalid byte
         raise
     except InputError:
         if b"{" not in text or text.lstrip().startswith((b"{", b"[")):
-            parse_plan(text)  # without a chat's prose, the fault of the plan itself is clearer
+            parse_plan(text)  # without prose, its error is clearer
         raise
 
 
@@ -126,6 +126,7 @@ def plan_file(path: Path) -> Path:
     Raises:
         InputError: there is no such file.
     """
+    # A folder is a run folder with a plan.json.
     found, lacking = path, f"there is no plan file '{path}'"
     if path.is_dir():
         found, lacking = path / "plan.json", f"the folder '{path}' has no plan.json"
@@ -237,6 +238,7 @@ def _model(provider: str, argument: str, settings: PlannerSettings) -> Planner:
     from palpate.planning.model.planner import VlmPlanner
     from palpate.planning.model.settings import ModelSettings
 
+    # Without an argument, the provider's default model applies.
     spec = f"{provider}:{argument}" if argument else provider
     model_settings = settings.model_settings or ModelSettings()
     return VlmPlanner(

@@ -133,6 +133,7 @@ class CheckedPlan:
         quantity = catalogue()[parameter.quantity]
         if self.scene is None or parameter.object not in self.scene.bodies:
             return True
+        # Quantities of the gripper are allowed for any object in it.
         return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
 
     def is_known(self, parameter: Parameter) -> bool:
@@ -152,6 +153,7 @@ _OBSTACLE = re.compile(r" into ('[^']+')")
 
 def digest(findings: Iterable[Finding]) -> list[str]:
     """Return one line per cause with all its paths, in the order of the findings."""
+    # Group by cause; the first finding represents its group.
     groups: dict[Hashable, list[Finding]] = {}
     for finding in findings:
         groups.setdefault(cause(finding), []).append(finding)

@@ -142,7 +142,7 @@ class Walk:
             len(owners) == 1 for owners in self.case.form.owners(path).values()
         ):
             self.state = self._parallel(path, node, self.state)
-        else:  # a Sequence, or a Parallel that has a finding for its several owners
+        else:  # a Sequence, or a Parallel with a finding on its owners
             for i, child in enumerate(node.children):
                 self._walk(f"{path}.children[{i}]", child)
 
@@ -158,7 +158,7 @@ class Walk:
         try:
             meanwhile = during([self.leaves[where] for where in moving], before)
         except InputError:
-            meanwhile = before  # the leaf with the unknown pose has a finding of its own
+            meanwhile = before  # the leaf with the unknown pose has a finding
         # Collect the sensing leaves branch by branch, then judge the moving ones together.
         branches: list[Sequence[str]] = []
         for i, _ in enumerate(node.children):

@@ -113,7 +113,7 @@ def without_reasoning(text: str) -> str:
     alone = text.strip("\ufeff \t\r\n")
     value, end, _ = decode_json(alone, 0)
     if value is not None and end == len(alone):
-        return text  # its strings may hold tags
+        return text  # its strings may have tags
     # Keep the text outside the tags; a closing tag alone discards all text before it.
     kept: list[str] = []
     position, inside = 0, False
@@ -162,7 +162,7 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     furthest = 0
     for start, end, whole, fault in decoded_objects(text):
         value = unwrap_plan(whole)
-        if is_plan(value):  # a draft may come first: the last plan counts
+        if is_plan(value):  # the first may be a draft: keep the last
             found = (text[start:end], cast("dict[str, Any]", value))
         elif found and "breaks off" in fault:
             raise InputError(fault)

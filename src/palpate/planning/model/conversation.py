@@ -110,6 +110,7 @@ class Conversation:
     @property
     def answers(self) -> list[Answer]:
         """All answers, including that of a critic."""
+        # The critic's answer counts towards cost and tokens.
         found = [r.answer for r in self.rounds]
         if self.critique is not None and self.critique.answer is not None:
             found.append(self.critique.answer)
@@ -130,6 +131,7 @@ class Conversation:
     def summary(self) -> dict[str, Any]:
         """Return the statistics for `plan.json`."""
         answers, rounds, cost = self.answers, self.rounds, self.cost
+        # Statistics per round.
         findings = [list(r.findings) for r in rounds]
         # An answer counts as right at first only if a later question did not change the plan.
         questioned = next((i for i, r in enumerate(rounds, start=1) if r.question), len(rounds))

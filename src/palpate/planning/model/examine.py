@@ -106,7 +106,7 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     except Unavailable as error:
         yield False, "answer", str(error)
         return
-    of = answer.model or endpoint.model  # an alias may stand for a dated model
+    of = answer.model or endpoint.model  # the name may be an alias
     yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
     # Servers with a short context silently drop the beginning of a long text.
     text = fence(system_prompt(vocabulary()))

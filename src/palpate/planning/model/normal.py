@@ -326,7 +326,7 @@ def normalized_tree(value: object) -> object:
             return node["children"][0]
     # Ids belong to the flat form and have no meaning in a tree.
     if "id" not in fields_of(node.get("type")):
-        node.pop("id", None)  # of the flat form, which has no meaning here
+        node.pop("id", None)
     return node
 
 

@@ -87,7 +87,7 @@ class VlmPlanner:
         pictures = [picture(path) for path in prompt.images]
         shown = tuple(each.note() for each in pictures)
         self.conversation = Conversation(endpoint.name, prompt.system, shown)
-        schema = None  # JSON in prose, which every provider can write
+        schema = None  # JSON in prose, for every provider
         if settings.native:
             schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
         # Start the session, and find the critic's endpoint before the first request.

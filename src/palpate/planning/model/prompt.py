@@ -51,7 +51,7 @@ def strip_rendering(text: str, comments: bool) -> str:
 def _without_rendering(text: str) -> str:
     data, found, end = text.encode("utf-8"), list[TextChange](), 0
     for tag in scan(text):
-        if tag.start < end:  # inside of what is left out
+        if tag.start < end:  # inside a removed element
             continue
         # Remove an element completely, or only the shading of a material.
         shading = [name for name in SHADING if name in tag.attributes]

@@ -61,6 +61,7 @@ class Provider:
         Raises:
             InputError: it is not an http or https address, or there is none.
         """
+        # Order of precedence: argument, environment, default.
         url = base_url or os.environ.get(self.url_variable) or self.url
         # An empty default means that the user must give an address.
         if url == "":
@@ -80,6 +81,7 @@ class Provider:
 
 def _local(name: str, variables: str, url: str) -> Provider:
     """Local server with the OpenAI chat completions API and without a key."""
+    # Local servers read an optional key from the environment.
     keys, url_variable = (f"{variables}_API_KEY",), f"{variables}_BASE_URL"
     return Provider(name, "openai", keys, url_variable, url=url, key_required=False)
 
@@ -177,6 +179,7 @@ def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
         ImportError: the provider's SDK is not installed.
     """
     name, key, address = endpoint.provider.name, endpoint.provider.key(), endpoint.address
+    # Google and Anthropic have their own SDKs.
     if name == "google":
         from pydantic_ai.models.google import GoogleModel
         from pydantic_ai.providers.google import GoogleProvider
@@ -200,7 +203,7 @@ def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
     if name in own:
         sdk = own[name](base_url=address, api_key=key, http_client=client)
     else:
-        assert address is not None  # Provider.address demands one
+        assert address is not None  # Provider.address requires one
         sdk = OpenAICompatibleProvider(
             "compatible", base_url=address, api_key=key, http_client=client
         )
@@ -224,6 +227,7 @@ def bounded_client(seconds: float) -> httpx2.AsyncClient:
 async def _bound(response: httpx2.Response) -> None:
     import httpx2
 
+    # A compressed body may expand a thousandfold, so its limit is lower.
     compressed = response.headers.get("content-encoding", "identity") != "identity"
     limit = MAX_COMPRESSED_BODY if compressed else MAX_BODY
     # The declared length may be missing or false, so the received bytes are counted too.
@@ -263,6 +267,7 @@ def may_pass(error: ModelAPIError) -> bool:
     """True if the same request may succeed later."""
     from pydantic_ai import exceptions as e
 
+    # Rate limits, failures and lost connections are transient.
     kinds = (
         e.ModelRateLimitError,
         e.ModelUnavailableError,

@@ -186,7 +186,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     texts: list[list[str]] = []
     for plan in (before, after):
         promised = [str(parameter) for parameter in plan.parameters]
-        tree = str(plan.tree or plan.outcome).splitlines()  # a node per line
+        tree = str(plan.tree or plan.outcome).splitlines()  # one node per line
         texts.append([*promised, *tree[:MAX_COMPARED]])
     old, new = texts
     # Without context lines, the difference contains changes alone.
@@ -194,7 +194,7 @@ def differences(before: Plan, after: Plan) -> tuple[str, ...]:
     lines = [
         f"{line[0]} {line[1:].strip()}"
         for line in compared
-        if line[:1] in ("-", "+") and line not in ("--- ", "+++ ")  # these head the diff
+        if line[:1] in ("-", "+") and line not in ("--- ", "+++ ")  # header of the diff
     ]
     if len(lines) > MAX_CHANGES:
         lines[MAX_CHANGES:] = [f"and {len(lines) - MAX_CHANGES} more"]

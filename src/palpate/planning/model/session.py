@@ -123,7 +123,7 @@ class ModelSession:
         from pydantic_ai.messages import UserPromptPart as Prompt
 
         content: list[UserContent] = [message]
-        if not self.messages:  # the pictures go with the first message
+        if not self.messages:  # pictures are sent once
             for each in self.pictures:
                 content.append(BinaryContent(each.data, media_type=each.media_type))
         self.messages.append(ModelRequest([Prompt(content)], instructions=self.system or None))
@@ -171,7 +171,7 @@ class ModelSession:
                     model_settings={
                         "max_tokens": max(1, min(LONGEST_ANSWER, self.budget.tokens - self.tokens)),
                         "request_timeout": patience,
-                        "max_retries": 0,  # `_exchange` repeats, within the deadline
+                        "max_retries": 0,  # `_exchange` retries, within the deadline
                         "cache": True,  # the system prompt is the same for every task
                     },
                     model_request_parameters=parameters,
@@ -221,7 +221,7 @@ def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
     # A refusal has no text part; its text is in the details.
     refusal = str((response.provider_details or {}).get("refusal", ""))
     try:
-        cost = float(response.cost().total_price)  # list prices that came with the SDK
+        cost = float(response.cost().total_price)  # list prices of the SDK
     except (LookupError, ValueError, AssertionError):
         cost = None
     return Answer(

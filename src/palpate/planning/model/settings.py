@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from palpate.planning.model.conversation import Conversation
     from palpate.planning.model.prompt import Style
 else:
-    Style = str  # `checked` looks at the name: its module loads the vocabulary
+    Style = str  # not imported: its module loads the vocabulary
 
 PANEL = "Model as planner"
 FEEDBACK_ROUNDS = 3

@@ -113,6 +113,7 @@ class DerivationChart:
             _add(ends, end, found)
 
     def _apply_action(self, action: tuple[str, ...], meanings: Meanings) -> Meanings:
+        # The action may have constant arguments before the meanings.
         name, *arguments = action
         made = self._actions[name](*arguments, *meanings)
         return cast("Meanings", made) if isinstance(made, tuple) else (made,)
@@ -251,6 +252,7 @@ def _top(base: Selector) -> Near:
 
 
 def _quantities(parts: tuple[Part, ...]) -> tuple[NamedQuantity, ...]:
+    # A plain text is the id of a quantity.
     found = [NamedQuantity(part, part) if isinstance(part, str) else part for part in parts]
     return tuple(dict.fromkeys(part for part in found if isinstance(part, NamedQuantity)))
 
@@ -317,6 +319,7 @@ def _missing(selector: Selector | None = None) -> Say:
 
 def _compare(*parts: Part) -> Say:
     """Request the quantity of all compared bodies; of all bodies if none is named."""
+    # A comparison needs all candidates, not a single one.
     selectors = tuple(map(_each, _selectors(parts))) or (Again("all"),)
     return Say("want", _of(*_quantities(parts)[:1], _several(*selectors)))
 

@@ -191,7 +191,7 @@ def _propose(
         if any(_asks_otherwise(part.words, at) for at in unused):
             return (), ()
         for act, clause in next(cover.readings()):
-            reading.selection.unsure = False  # the user confirms what a pronoun is taken for
+            reading.selection.unsure = False  # the user confirms the references
             try:
                 # A leftover word next to a clause could change its bodies.
                 if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):

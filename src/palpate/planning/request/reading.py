@@ -144,7 +144,7 @@ class Reading:
     def _want(self, query: Query) -> None:
         # A query without quantity and body means everything, or everything for a purpose.
         if query == Query():
-            self._lacking = True  # of what is simulated, or of everything
+            self._lacking = True  # of the purpose, or of everything
             return
         self._wanted = True
         # An unmeasurable property is reported, not rejected.

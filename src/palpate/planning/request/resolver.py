@@ -175,6 +175,7 @@ class Resolver:
             names = [name for name in names if self._carries(name, id)]
         if item.plural or len(names) <= 1:
             return names
+        # A singular mention with several candidates is ambiguous.
         choices = " or ".join(f"'{name}'" for name in names)
         what = f"the {self.catalogue[id].label} of " if id else ""
         raise PlanRejected(
@@ -219,6 +220,7 @@ class Resolver:
         )
 
     def _listed_bodies(self) -> str:
+        # Shorten a long list of bodies.
         bodies = list(self.scene.bodies)
         if len(bodies) > SHOWN + 1:
             return f"{', '.join(bodies[:SHOWN])} and {len(bodies) - SHOWN} more"

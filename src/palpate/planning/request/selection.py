@@ -354,7 +354,7 @@ class Selection:
 
     def _less(self, selector: Except) -> Iterator[Item]:
         items = tuple(self._items(selector.base))
-        self.spoken.append(items)  # "the red one" is one of them
+        self.spoken.append(items)  # references of "the red one"
         less = set(self._each(selector.less))
         self.spoken.pop()
         self.spared.append(Item((), tuple(less), plural=True))

@@ -193,7 +193,7 @@ class Lattice:
 
     def _absent(self, tokens: Sequence[str], at: int) -> Phrase:
         """Return the longest run that names an unknown body."""
-        # At most two nouns, of which one is unknown or which describe no body together.
+        # At most two nouns: one is unknown, or together they describe no body.
         run: list[str] = []
         fits = True
         for token in tokens[at : at + 2]:

@@ -154,6 +154,7 @@ def tokens(request: str) -> list[str]:
     Tokens are words, `'s`, separating punctuation, and §amount for a number with its unit.
     Identifiers (`light_blue_box`, `bottle.mass`) are split into words.
     """
+    # Expand contractions first, because they contain apostrophes.
     text = re.sub(r"\s+", " ", request)
     for pattern, apart in _APART:
         text = re.sub(pattern, apart, text)
@@ -212,6 +213,7 @@ def is_within(word: str, name: str) -> bool:
 def singulars(word: str) -> tuple[str, ...]:
     """Return possible singulars of `word`, itself first."""
     forms = [word]
+    # Plural endings: -ies, -ves, -es, -s.
     if word.endswith("ies"):
         forms.append(word[:-3] + "y")
     if word.endswith("ves"):
@@ -318,6 +320,7 @@ def _split_words(text: str) -> list[str]:
 @cache
 def _glossary(code: str) -> dict[Phrase, Phrase]:
     """Return the words of a language, including the quantities of the catalogue."""
+    # The catalogue's phrases take precedence over those of the language.
     glossary = dict(language(code).turned)
     for quantity in catalogue().values():
         for phrase in quantity.words.get(code, ()):
@@ -376,6 +379,7 @@ def _base_form(
 
 def _bare(word: str) -> str:
     """Remove the accents of a word, as in body names."""
+    # Decompose accented letters and drop the combining marks.
     apart = unicodedata.normalize("NFD", word)
     return "".join(letter for letter in apart if not unicodedata.combining(letter))
 

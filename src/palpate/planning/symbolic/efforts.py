@@ -102,7 +102,7 @@ def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
     every = [*MANUAL, *(each for each in known.values() if not each.identifiable)]
     for quantity in every:
         if quantity.id in known and known[quantity.id].identifiable:
-            continue  # a package reads it
+            continue  # a primitive reads it
         for evidence in quantity.evidence:
             if evidence.tool:
                 yield quantity, evidence

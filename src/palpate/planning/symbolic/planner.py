@@ -161,6 +161,7 @@ class ExhaustivePlanner:
         """
         if scene is None:
             raise needs_scene(self.name)
+        # Surfaces first, then objects, each with all quantities of its role.
         bodies = [*scene.surfaces.values(), *scene.objects.values()]
         parameters = [
             Parameter(body.name, quantity) for body in bodies for quantity in SUITE[body.role]
@@ -325,6 +326,7 @@ def unusable(scene: Scene, name: str) -> str:
     unfit = does_not_fit(scene, name)
     if unfit:
         return unfit
+    # The approach pose must exist and be within reach.
     _, symbol = approach(scene, name)
     try:
         pose = scene.symbols.resolve(symbol)
@@ -384,6 +386,7 @@ def known_note(parameter: Parameter, scene: Scene) -> str:
 def stated_clause(parameter: Parameter, scene: Scene) -> str:
     """Clause on a stated parameter, with its value."""
     quantity = catalogue()[parameter.quantity]
+    # Stated value with its unit.
     values = scene.bodies[parameter.object].known[quantity.known_as()]
     value = ", ".join(f"{v:.6g}" for v in values)
     unit = "" if quantity.unit == "1" else f" {quantity.unit}"
@@ -397,6 +400,7 @@ def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
         # Only a surface of unknown height that the plan does not measure is of interest.
         if not is_open(scene, name) or Parameter(name, "height") in made.measured:
             continue
+        # Objects directly or indirectly on this surface.
         on = risen(scene, name, body.top_z(), lambda other: scene.bodies[other].pose_world)
         touched = sorted({one.object for one in made.measured} & on.keys() & scene.objects.keys())
         if touched:

@@ -438,7 +438,7 @@ class Backchainer:
         if self.state.contact and self.state.at:
             here.append(self.state.at)
         if grasp and self.state.at and TEMPORARY in self.state.at:
-            here.append(f"{self.state.at} + z_offset")  # lifts it where it was slid
+            here.append(f"{self.state.at} + z_offset")  # to lift it after a slide
         poses = [name for name in dict.fromkeys([*expressions, *here]) if exists(self.scene, name)]
         return Surroundings(self.state, subject, tuple(poses))
 
@@ -477,7 +477,7 @@ class Backchainer:
                 self.steps += steps
                 self.state = after
                 return True
-            refused.add(harm[0])  # the next search avoids this step in this state
+            refused.add(harm[0])  # excluded in the next search
             self._refusal = refusal = reason(harm[1])
         # Report the last refusal, or the first obstacle if no path was found at all.
         if failure:

@@ -94,6 +94,7 @@ def final_state(
 ) -> SymbolicState | None:
     """Return the state after the steps; None if one of them is `refused`."""
     for step in steps:
+        # Refused steps are excluded only in the state of the refusal.
         if refused and (state_key(state), step.label) in refused:
             return None
         state = step.effect(state)
@@ -123,6 +124,7 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
     while queue and len(seen) < FEW_STATES:
         here = queue.popleft()
         for operator in operators:
+            # Violations of the action order are no reasons for the user.
             for violation in operator.requires(here) if "gripper" in operator.claims else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
                     return reason(violation)
@@ -144,5 +146,6 @@ def state_key(state: SymbolicState) -> tuple[object, ...]:
     moved: list[object] = []
     for name, pose in sorted(state.moved.items()):
         moved.append((name, *np.round(pose.position, 4).tolist()))
+    # State of the hand, then the moved objects in order of their names.
     hand = (state.at, state.gripper, state.holding, state.grasp, state.lifted, state.contact)
     return *hand, *moved

@@ -279,7 +279,7 @@ def domains(scene: Scene, name: str) -> Iterator[list[str]]:
     The first set is above and at the object. The others are shifted along its axes.
     """
     above, spot = approach(scene, name)
-    if name not in scene.bodies:  # the gripper itself: above any object
+    if name not in scene.bodies:  # the gripper: above any object
         yield [approach(scene, other)[0] for other in scene.objects]
         return
     if name not in scene.objects:
