@@ -67,6 +67,7 @@ class Bodies:
         `link_mass` is the relative error of link masses, `link_com` the error of their centres, m (1 sigma each).
         `load` is the payload, kg.
         """
+        # One own link per joint, about the joint's anchor.
         anchors = np.array(chain.anchors)
         own = [next(link for link in chain.links if link.joint == i) for i in range(len(anchors))]
         links = np.array([parameters([o], a) for o, a in zip(own, anchors, strict=True)])
@@ -83,6 +84,7 @@ class Bodies:
             error[0] = link_mass * link[0]
             error[1:4] = link_com * link[0]
             error[4:] = LINK_INERTIA * np.trace(inertia_about_centre(link)) / 3.0
+        # Centre of the hand, or of the last link where no hand is described.
         reach = hand[1:4] / hand[0] if hand[0] > 0.0 else links[-1, 1:4] / links[-1, 0]
         return cls(links, hand, errors, anchors, reach, load)
 

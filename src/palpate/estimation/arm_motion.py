@@ -119,6 +119,7 @@ def stretches(log: ArmLog) -> tuple[list[JointMotion], list[JointMotion]]:
 
 def uniform_runs(log: ArmLog) -> Iterator[JointMotion]:
     """Yield the gapless runs of a recording longer than `SHORTEST_STRETCH`, on a uniform clock."""
+    # A pause longer than `LOG_GAP` separates two runs.
     gaps: list[int] = (np.flatnonzero(np.diff(log.t) > LOG_GAP) + 1).tolist()
     for first, last in pairwise([0, *gaps, len(log)]):
         if log.t[last - 1] - log.t[first] > SHORTEST_STRETCH:
@@ -134,6 +135,7 @@ def cut(
     seconds = float(motion.t[last - 1] - motion.t[first])
     if seconds < shortest:
         return
+    # Equal parts, none longer than `STRETCH`.
     edges = np.linspace(first, last, int(np.ceil(seconds / STRETCH)) + 1).astype(int).tolist()
     for start, end in pairwise(edges):
         yield motion.between(start, end)
@@ -141,6 +143,7 @@ def cut(
 
 def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
     """Resample rows of a recording on a uniform clock and low-pass them."""
+    # Uniform clock at the median step, and the decimation to at most `CLOCK` Hz.
     t = log.t[first:last]
     step = float(np.median(np.diff(t)))
     times = np.arange(t[0], t[-1], step)
@@ -177,6 +180,7 @@ def _low_pass(signal: Array, step: float) -> Array:
 
     if MOTION_BAND * step >= 0.45:
         return signal
+    # Butterworth filter of order 4, twice.
     filtered = butter(4, MOTION_BAND, fs=1.0 / step, output="sos")
     return sosfiltfilt(filtered, signal, axis=0)
 

@@ -425,6 +425,7 @@ class Estimate:
 
         None for other components, and where a test of fit contradicts the value.
         """
+        # A contradicted or missing value has no bounds; others compare each interval with its bounds.
         bounds = self.bounds if self.verdict in ("identified", "prior-dominated") else UNBOUNDED
         each = np.broadcast_to(np.array(bounds), (len(self.values), 2)).tolist()
         pairs = zip(self.intervals.tolist(), each, strict=True)
@@ -448,6 +449,7 @@ class Estimate:
         bound = self.at_bound[0] if len(self.values) == 1 else None
         if bound is None:
             return self
+        # Moments of the truncated normal distribution, and the interval from the bound to its limit.
         moments = np.array(bound.moments(float(self.values[0]), float(self.stds[0])))
         ends = np.sort(np.array([bound.at, self.limits[0]], dtype=np.float64))
         return replace(self, values=moments[:1], stds=moments[1:], intervals=ends, bounds=UNBOUNDED)
@@ -468,6 +470,7 @@ class Estimate:
         """The verdict, with the axes that it applies to where others are unseen."""
         if self.whole == self.verdict:
             return self.verdict
+        # List the identified axes, then the others.
         doubtful = self.doubtful_axes
         seen = [axis for axis in axes_of(len(self.values)) if axis not in doubtful]
         return f"{', '.join(seen)} identified, {', '.join(doubtful)} prior-dominated"
@@ -484,6 +487,7 @@ class Estimate:
         """(n,) verdict of each component."""
         found: list[Verdict] = [self.verdict] * len(self.values)
         if self.identified:
+            # Unseen components and those at a bound keep their prior.
             for component, bound in enumerate(self.at_bound):
                 if bound or component in self.unseen:
                     found[component] = "prior-dominated"

@@ -142,6 +142,7 @@ def read_npz(path: Path, columns: ColumnMap) -> Table:
             open_with_limit(path, MAX_BYTES, "a recording of an arm") as file,
             zipfile.ZipFile(file) as archive,
         ):
+            # Bound the unpacked size before anything is read.
             if sum(member.file_size for member in archive.infolist()) > MAX_BYTES:
                 raise InputError(f"{path} unpacks to more than {MAX_BYTES // 10**6} MB")
             file.seek(0)
@@ -149,6 +150,7 @@ def read_npz(path: Path, columns: ColumnMap) -> Table:
             found = {name: np.asarray(data[name]) for name in data.files}
     except (zipfile.BadZipFile, ValueError, EOFError) as error:
         raise InputError(f"{path} is no NumPy archive of numbers: {error}") from None
+    # Keep numeric arrays of one or two dimensions.
     return {
         name: values.astype(float)
         for name, values in found.items()

@@ -119,6 +119,7 @@ def average_bins(log: ArmLog) -> ArmLog:
     starts = np.flatnonzero(np.diff(bins, prepend=-1))
     count = np.diff(np.append(starts, len(bins)))
 
+    # Means over the rows of each bin.
     def mean(values: Array) -> Array:
         sums = np.add.reduceat(values, starts, axis=0)
         return sums / count.reshape(-1, *[1] * (values.ndim - 1))
@@ -139,6 +140,7 @@ def hand_links(arm: RobotDescription) -> set[int]:
     hinges = [int(model.joint(name).id) for name in arm.joints]
     hand = model.body(arm.hand.body).id
     found: list[bool] = []
+    # The chain has every body with mass that a joint moves; it belongs to the hand if it descends from it.
     for body in range(1, model.nbody):
         if model.body_mass[body] > 0.0 and any(carries(model, hinge, body) for hinge in hinges):
             part = body
@@ -174,6 +176,7 @@ def samples_of(
         still, pull = np.zeros_like(log.q), base.rotation.T @ [0.0, 0.0, -gravity]
         weight = regressor(chain, log.q, still, still, pull)[:, :, -1] @ known
         external += (1.0 - share) * weight
+    # The wrench is that of the external torques at the TCP; the log has no commands.
     twist = np.einsum("nij,nj->ni", seen.jacobian, log.dq)
     return Samples(
         t=log.t,

@@ -48,6 +48,7 @@ class JointQuantity(Quantity):
         if joint is None:
             return "not applicable"
         stated = body.defaults.attribute(joint, self.attribute)
+        # MuJoCo's default of an omitted attribute is an assumption.
         if stated is None:
             return "assumed"
         return "missing" if has_unknown(joint, self.attribute, 0) else "known"
@@ -61,6 +62,7 @@ class JointQuantity(Quantity):
             yield Slot(elements.joint, self.attribute, "0", numbers=(0,))
 
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
+        # Scale the prior of a slide to the kind of the joint.
         mean, std = self.scale(body) * np.array(self.believed)
         return Prior((float(mean),), (float(std),))
 

@@ -102,6 +102,7 @@ class Friction(Quantity):
         return "missing" if geoms else "known"
 
     def known(self, body: BodyDescription) -> tuple[float, ...]:
+        # Explicit pairs decide; otherwise the largest coefficient of the colliding geoms.
         acting = acting_friction(body) if static_pairs(body) else None
         if acting is not None:
             return (acting,)

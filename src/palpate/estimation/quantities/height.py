@@ -98,6 +98,7 @@ class Height(Quantity):
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.element.tag == "body":
+            # The z of the body and of its geoms, and the half height of upright shapes.
             yield Slot(elements.element, "pos", "0", (2,))
         for geom in elements.geoms:
             yield Slot(geom, "pos", "0", (2,))
@@ -146,6 +147,7 @@ class Height(Quantity):
             index = half_height_index(geom, body.defaults)
             assert index is not None
             yield Edit(geom, "size", {index: number(half, std)})
+        # The rise goes to the geom if its z is open, else to the body.
         if "geom" in unknown:
             yield raise_element(geom, rise, std)
         if "body" in unknown:
@@ -236,6 +238,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
 
 def height_tests(found: Sequence[SurfaceTouch], plane: Plane) -> Iterator[FitTest]:
     """Goodness-of-fit tests of one rigid plane."""
+    # Rigidity of the softest touch, equal load on both fingers, and agreement of the touches.
     yield max(found, key=lambda touch: touch.at_most).firm()
     for touch in found:
         yield from touch.sides()
@@ -250,10 +253,12 @@ def height_tests(found: Sequence[SurfaceTouch], plane: Plane) -> Iterator[FitTes
 
 def height_parts(found: Sequence[SurfaceTouch], plane: Plane) -> dict[str, FurtherValue]:
     """Further results: largest penetration, onset of a soft layer, and tilt."""
+    # Correction of the deepest touch back to its contact onset, with its relative error.
     deepest = max(found, key=lambda touch: touch.penetration)
     depth = deepest.penetration
     share = CORRECTION if depth <= STIFF * deepest.full else YIELDING
     parts = {"penetration": FurtherValue(depth, share * depth, UNIT)}
+    # Onset of the softest layer that was pressed through.
     softest = max(found, key=lambda touch: touch.soft)
     if softest.soft > 0.0:
         accuracy = float(np.hypot(SOFT_ACCURACY, softest.first_std))
@@ -275,6 +280,7 @@ def height_method(found: Sequence[SurfaceTouch], plane: Plane, tip_std: float) -
         f"curve ({1e6 * last.penetration / last.full:.0f} µm/N, pressed with {last.full:.1f} N) to its "
         "beginning"
     )
+    # Mention a soft layer and the tilt.
     thickest = max(touch.soft for touch in found)
     if thickest > 0.0:
         text += f"; something soft above it, {1e3 * thickest:.0f} mm thick, was pressed through"

@@ -213,6 +213,7 @@ def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungO
     """Swings of the object, each in contrast to one of the empty hand."""
     recordings = [r for r in trace.recordings if r.context.activity == "swinging"]
     noise = still.weighings[0].noise
+    # Swings of the empty hand are the reference of all loaded ones.
     unloaded = [recording for recording in recordings if recording.context.holding is None]
     empty = [swing for recording in unloaded for swing in swings(trace, recording, noise)]
     found: list[SwungObject] = []
@@ -221,6 +222,7 @@ def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungO
             continue
         pose = pose_in_hand(trace, recording, body)
         for swing, observed, spread, gears in contrast(swings(trace, recording, noise), empty):
+            # Variance with the gain error, and the tool axis of the rotation.
             droop = still.droop(grasp_time(trace, recording, body), swing.time)
             # `torque_gain` is the half width of a uniform distribution, so its std is divided by sqrt(3).
             gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
@@ -314,6 +316,7 @@ def swing_residuals(numbers: Array, swung: Sequence[SwungObject], roots: Array) 
 
 def swing_view(numbers: Array, swung: Sequence[SwungObject]) -> FitView:
     """Chart of the load's torques in each joint, swing by swing, against those of the rigid body."""
+    # Predicted against measured torques, grouped by rate.
     rates = np.repeat([one.rate for one in swung], len(swung[0].observed))
     hertz = " and ".join(f"{rate:.1f}" for rate in sorted(set((rates / (2.0 * np.pi)).round(1))))
     predicted = 1e3 * np.concatenate(list(predicted_swings(numbers, swung)))

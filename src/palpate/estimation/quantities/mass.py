@@ -153,6 +153,7 @@ def predicted_lift(site: Site, trace: Trace | None) -> Lift:
     """Predict the lift at a site, with the signal noise of the arm's description or of a trace."""
     arm, base = site.arm, site.pose_world_base
     assert arm.nominal.chain is not None
+    # Joint angles at the grasp and at the end of the lift, in the arm's base.
     poses = [base.inverse() @ pose for pose in (site.grasp, site.above)]
     q = np.array([configuration(arm, pose) for pose in poses])
     observed = observation_of_torques(
@@ -194,6 +195,7 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, UNIT)
+    # Contrast of loaded and empty segments; simpler estimates are further results.
     weight = weigh(trace, recording, by_all_motion)
     parts = {"single-shot": single_shot(trace, recording)}
     if by_all_motion:
@@ -226,6 +228,7 @@ def estimate_single_shot(trace: Trace, parameter: Parameter, body: Body | None) 
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, UNIT)
+    # Mean over the recording, with the wrench over time as chart.
     mean = single_shot(trace, recording)
     method = (
         "Mean vertical force while held still, over g; not compared with the empty hand, so the "
@@ -253,6 +256,7 @@ def contrast_method(found: Sequence[Segment]) -> str:
             "Mean vertical force while held still, over g; no unloaded pass or rest at the same pose was "
             "recorded, so the arm's own bias is only bounded by its datasheet."
         )
+    # Count rests and passes, loaded and empty.
     count = Counter((segment.at_rest, segment.loaded) for segment in found)
     return (
         f"mass = (F_z loaded − F_z empty) / g: {count[True, True]} loaded against "

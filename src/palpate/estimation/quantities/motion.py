@@ -53,6 +53,7 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, VELOCITY_UNIT)
+    # Mean velocity from the displacement; mean and peak of the sensed twist are further results.
     velocity = mean_velocity(trace, recording)
     twist = trace.of(recording).twist[:, :3]
     means, stds = twist.mean(axis=0), twist.std(axis=0) / np.sqrt(len(twist))

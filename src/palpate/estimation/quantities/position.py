@@ -107,6 +107,7 @@ class Position(Quantity):
 
     def follows(self, body: BodyDescription, believed: Values) -> Iterator[Edit]:
         """Fill an open z from the poses, else at rest on the surface below."""
+        # A given z first; else the support's top minus the depth of the object's bottom below its frame.
         element = body.elements.element
         if not has_unknown(element, "pos", 2):
             return
@@ -135,6 +136,7 @@ def support_z(body: BodyDescription, believed: Values) -> float | None:
 
 def _tops_of_objects(body: BodyDescription) -> Iterator[float]:
     """Yield the world z, m, of the tops of the geoms of other objects below the middle of an object."""
+    # Objects with a known position whose horizontal bounding box contains the middle.
     middle = body.footing()[:2]
     for other in body.objects():
         if other is body or has_unknown(other.elements.element, "pos"):
@@ -181,12 +183,14 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
     closing = hand.rotation[:2, 1] / np.linalg.norm(hand.rotation[:2, 1])
     spread = (samples.pose_world_tcp[:, :2] @ closing).std() / np.sqrt(len(samples))
     measured = closing * np.linalg.norm([spread, trace.hand.pose_repeatability, CENTRING])
+    # Across the closing direction, the believed position and its accuracy stay.
     across = np.array([-closing[1], closing[0]])
     value, std = hand.position[:2], None
     if body is not None:
         # Move the believed frame along the closing direction until its middle is at the TCP.
         std, middle = body.std(np.append(across, 0.0)), body.pose_world.apply(body.centre)[:2]
         value = body.pose_world.position[:2] + closing * float(closing @ (value - middle))
+    # A component is unseen where the believed error exceeds the measured one.
     believed = across * (std or PLACED)
     unseen = np.abs(believed) > np.abs(measured)
     return Estimate.normal(
@@ -209,6 +213,7 @@ def grasp_views(
     samples = closing_samples(trace, recording)
     if samples is None:
         return
+    # Motion of the hand along the closing direction, relative to its mean pose.
     heading = float(np.degrees(np.arctan2(closing[1], closing[0])))
     yield FitView(
         name=f"The grasp before {recording.start:.1f} s.",

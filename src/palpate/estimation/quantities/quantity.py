@@ -75,18 +75,21 @@ class Evidence:
 
     def about(self, context: Context) -> str | None:
         """Return the object or surface that a recording in `context` is evidence of; None if it is no evidence."""
+        # Conditions on activity, hand and place of the recording.
         if self.activity and context.activity not in self.activity:
             return None
         if self.empty:
             return context.place_of if context.holding is None else None
         if self.as_grasped and context.is_elsewhere:
             return None
+        # Subject: the held object, the touched surface, or the moving hand.
         if self.holding:
             subject = context.holding
         elif context.activity == "contact":
             subject = context.support
         else:
             subject = context.holding or GRIPPER
+        # The recording must be made at the stated pose of the subject, if there is one.
         at = context.grasp if self.holding else context.at
         is_there = not self.place or pose_name(at or "") == f"{subject}_{self.place}"
         return subject if is_there else None

@@ -148,8 +148,10 @@ class Size(Quantity):
 
         A shape with open numbers is scaled about its own middle.
         """
+        # Scale factors along the object's axes.
         centre, extents = body.box()
         scale = np.array(value) / np.maximum(extents, 1e-9)
+        # A single shape with open numbers: scale along its own axes.
         if open_extents(body).any():
             (geom,) = body.elements.geoms
             turned = np.abs((body.pose_world.inverse() @ body.shapes.geom_pose(geom)).rotation)
@@ -158,6 +160,7 @@ class Size(Quantity):
             return
         if np.abs(scale - 1.0).max() < 1e-6:
             return
+        # All shapes: scale about the middle of the lower face.
         down = -body.pose_world.rotation[2]
         anchor = centre + extents / 2 * np.where(np.abs(down) > ALIGNED, down, 0.0)
         for geom in body.elements.geoms:
@@ -257,6 +260,7 @@ def width_views(trace: Trace, held: Sequence[Recording], value: Array) -> Iterat
         samples = closing_samples(trace, recording)
         if samples is None:
             continue
+        # Extent nearest to the opening of the firm grasp.
         opening = float(np.median(trace.of(recording).width))
         axis = int(np.abs(value - opening).argmin())
         yield FitView(
@@ -279,6 +283,7 @@ def support(trace: Trace, body: Body) -> tuple[float, float]:
     It is that of the touched surface nearest to the object's bottom in the scene, else that bottom. Both touches share
     the tip length, which cancels in the extent; with one touch alone it counts.
     """
+    # Touched surfaces near the object's bottom; each gives a plane.
     bottom = body.bottom_z()
     names = {r.context.support for r in trace.recordings} - {None, body.name}
     near: list[tuple[float, float]] = []
@@ -288,6 +293,7 @@ def support(trace: Trace, body: Body) -> tuple[float, float]:
             plane = plane_of(touches, trace.hand)
             if abs(plane.height - bottom) < SAME_SUPPORT:
                 near.append((plane.height, plane.std))
+    # Without one, the scene's position is used with its error and that of the tip length.
     stated = bottom, float(np.hypot(PLACE_ACCURACY, trace.hand.tip_offset_std))
     return min(near, key=lambda found: abs(found[0] - bottom), default=stated)
 
@@ -308,6 +314,7 @@ def open_extents(body: BodyDescription) -> NDArray[np.bool_]:
     """(3,) True for extents along the object's axes that the file leaves open."""
     if not is_one_shape(body.elements):
         return np.zeros(3, dtype=np.bool_)
+    # Axes of the shape with an open number, turned to the object's axes.
     (geom,) = body.elements.geoms
     own = np.zeros(3, dtype=np.bool_)
     axes = RADII[type_of(geom, body.elements)]
@@ -345,6 +352,7 @@ def scale_geom(
         moved = Pose.of(shapes.model.mesh_pos[mesh], shapes.model.mesh_quat[mesh])
         pose = pose @ moved.inverse()
     frame = body.pose_world.inverse() @ pose
+    # Only shapes along the body's axes have numbers for its extents.
     turned = np.abs(frame.rotation)
     has_numbers = kind in RADII or kind == "mesh"
     if not has_numbers or geom.get("fromto") or (turned.max(axis=0) < ALIGNED).any():
@@ -352,6 +360,7 @@ def scale_geom(
             f"{label(geom)} of '{body.name}' has no numbers that state its extents; shapes along "
             "the axes of their body have"
         )
+    # Scale the shape, then shift its centre away from the anchor.
     if kind == "mesh":
         yield scaled_mesh(body, geom, scale @ turned)
     else:
@@ -372,6 +381,7 @@ def scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
     Raises:
         InputError: Other geoms use the mesh as well.
     """
+    # A mesh of other geoms must not change.
     name = body.defaults.attribute(geom, "mesh")
     root = geom.getroottree().getroot()
     for other in root.iter("geom"):

@@ -235,6 +235,7 @@ def spring_tests(
     found: Sequence[Spring], touches: Sequence[SurfaceTouch], misfit: float
 ) -> Iterator[FitTest]:
     """Yield goodness-of-fit tests of one linear spring under both fingers."""
+    # Constant stiffness over depth, and the same depth at rest as under load.
     yield FitTest(
         "one spring",
         max(spring.unevenness for spring in found),
@@ -266,6 +267,7 @@ def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> E
     spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
     if not spring.has_value:
         return not_identified(parameter, DAMPING_UNIT, spring.method, spring.evidence)
+    # Average the dampings of all touches.
     touches = touches_of(trace, spring.evidence)
     value, std = mean_damping([touch.spring for touch in touches])
     return Estimate.normal(
@@ -303,6 +305,7 @@ def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) 
             "and the fingertips give way more than it does."
         )
         return not_identified(parameter, RESTITUTION_UNIT, reason, spring.evidence)
+    # Damping ratio of the reference mass on the surface, with its error.
     touches = touches_of(trace, spring.evidence)
     damping, std = mean_damping([touch.spring for touch in touches])
     stiffness = float(spring.values[0])
@@ -319,6 +322,7 @@ def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) 
             "dissipates is not told well enough from the arm's friction and inertia."
         )
         return not_identified(parameter, RESTITUTION_UNIT, reason, spring.evidence)
+    # Value, and its derivative by the damping for the chart.
     value = restitution(damping_ratio(stiffness, damping))
     step = restitution(damping_ratio(stiffness, damping + std)) - value
     return Estimate(

@@ -74,6 +74,7 @@ class Precision:
 
     def in_words(self, unit: str) -> str:
         """Describe the outcome in one sentence for people."""
+        # One sentence for each outcome; at the floor, the cause and its cure.
         asked, reached = format_width(self.asked, unit), format_width(self.reached, unit)
         if self.outcome == "reached":
             return f"Within {asked} was asked: {reached} is reached."
@@ -126,6 +127,7 @@ class Within:
             InputError: The form is wrong, the quantity or unit is unknown, or the number is not positive; the message
                 lists the valid ones.
         """
+        # A mapping, or a list of NAME=VALUE entries.
         listed = asked.split(",") if isinstance(asked, str) else asked
         entries: dict[str, Any] = {}
         if isinstance(listed, Mapping):
@@ -196,10 +198,12 @@ class Within:
 
 def advised(estimate: Estimate) -> Estimate:
     """Add advice to the reason of an estimate at a bound: the width that would exclude the bound."""
+    # Only a scalar at a bound gets advice.
     limit = estimate.limits[0] if len(estimate.values) == 1 else None
     bound = estimate.at_bound[0] if limit is not None else None
     if limit is None or bound is None:
         return estimate
+    # Half width that would exclude the bound, against the floor of repetition.
     name, asked = str(estimate.parameter), abs(limit - bound.at) / DECISIVE
     precision = Within(((name, asked),)).precision(estimate)
     assert precision is not None
@@ -235,6 +239,7 @@ def format_width(width: float, unit: str) -> str:
 
 def parse_width(name: str, value: str | float) -> float:
     """Parse the width requested for `name`, a quantity or a parameter, to SI units."""
+    # Quantity of the name, and the units of its width.
     id = name.rpartition(".")[2]
     quantity = catalogue().get(id)
     if quantity is None:
