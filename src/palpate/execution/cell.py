@@ -63,6 +63,7 @@ class Lesson:
     @property
     def names(self) -> tuple[str, ...]:
         """Names that can be taught: objects, and approaches to surfaces."""
+        # Places are taught for surfaces only.
         approaches = [f"{name}_approach" for name in self.scene.surfaces]
         return (*self.scene.objects, *approaches)
 
@@ -85,6 +86,7 @@ class Lesson:
         Raises:
             InputError: the hand does not point down, or the object cannot be grasped from above.
         """
+        # Only poses of a hand that points down can be compared with top-down grasps.
         if pose_world_tcp.rotation[2, 2] > -LEVEL:
             raise InputError("the hand leans: lead it until it points straight down")
         yaw = _heading(pose_world_tcp)
@@ -138,6 +140,7 @@ class Lesson:
         # Fully open fingers hold nothing, so their width says nothing about the object.
         if width is None or width > self.scene.arm.hand.opening - APART:
             return ""
+        # The fingers may hold the object across either side.
         if (abs(size - width) <= APART).any():
             return f"; {1e3 * width:.0f} mm wide, as in the scene"
         sizes = " × ".join(f"{1e3 * side:.0f}" for side in size)

@@ -135,6 +135,7 @@ def drivers() -> Drivers:
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
+    # Palpate's own driver comes first and cannot be replaced.
     found = {driver.scheme: driver}
     for module in extensions("palpate.cells"):
         for thing in public(module):

@@ -84,6 +84,7 @@ class ContactRecord:
     def beyond(self, figures: Figures) -> Iterator[str]:
         """Exceeded limits, as text."""
         who = f"{self.part} on {self.thing}"
+        # Running means first, then the tail and the sideways push.
         if self.mean10 > figures.mean10:
             yield f"{who}: {self.mean10:.0f} N over 10 ms"
         if self.mean20 > figures.mean20:
@@ -176,6 +177,7 @@ def _tail(magnitude: Array, mean10: Array, dt: float) -> float:
     ends = np.concatenate([touching[breaks], touching[-1:]])
     worst = 0.0
     for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
+        # Transients of the impact are over after `TAIL`.
         late = mean10[start + round(TAIL / dt) : end + 1]
         worst = max(worst, float(late.max(initial=0.0)))
     return worst

@@ -82,6 +82,7 @@ class Foresight:
 
     def displaced_most(self, name: str) -> str:
         """Path of the leaf that displaced an object most; `tree` without one."""
+        # Length of the shift of the object after each leaf.
         ways = {
             path: float(np.linalg.norm(shifts[name].position))
             for path, shifts in self.shifts.items()
@@ -92,6 +93,7 @@ class Foresight:
     def among(self, *others: Foresight) -> Foresight:
         """This foresight with weight ranges that include those of other worlds."""
         weights = dict(self.weights)
+        # Union of the ranges of all worlds.
         for other in others:
             for name, (least, most) in other.weights.items():
                 low, high = weights.get(name, (least, most))

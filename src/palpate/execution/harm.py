@@ -54,6 +54,7 @@ class Track:
 
         self.name = witness.objects[index]
         looks = witness.looks
+        # Pose, grasp and contact of the object at every look.
         poses = np.array([look.poses[index] for look in looks])
         held = np.array([look.held == index for look in looks])
         touched = np.array([look.touched[index] for look in looks])
@@ -243,6 +244,7 @@ def harm(
 def _fates(track: Track, named: Collection[str]) -> list[Fate]:
     """Harm to one object."""
     found: list[Fate] = []
+    # From the most specific to the least; one object may have several.
     if track.fell is not None:
         found.append(Fate(track.name, DROPPED, t=track.fell))
     if track.tilt > TIPPED:

@@ -106,6 +106,7 @@ class PrimitiveLeaf(Behaviour):
 
     def _record(self, status: Status) -> None:
         message = self.feedback_message or (INTERRUPTED if status is Status.INVALID else "")
+        # A robot without a response leaves the start time as the end.
         end = self.started
         with suppress(Exception):  # a robot that no longer responds has no time
             end = self.blackboard.robot.state.t

@@ -136,6 +136,7 @@ def confirmed_reason(why: str) -> str:
 
 def remaining(parameters: Sequence[Parameter], trace: Trace) -> list[Parameter]:
     """Parameters without a conversion so far; derived ones are recorded again completely."""
+    # A conversion shows that the recordings of its parameter are complete.
     made = {Parameter(c.object, c.quantity) for c in trace.conversions}
     return [parameter for parameter in parameters if parameter not in made]
 
@@ -147,6 +148,7 @@ def failed_at(
     failed = next((leaf for leaf in reversed(trace.leaves) if leaf.status == "FAILURE"), None)
     if failed is None or failed.context is None:
         return None
+    # The held object comes first, else the subject of the motion's goal.
     if failed.context.holding:
         return failed.context.holding
     expression = _goal(failed, plan, scene, words or vocabulary()) or failed.context.at
@@ -189,6 +191,7 @@ def join_executions(first: Execution, second: Execution, prefix: str) -> Executi
     for conversion in b.conversions:
         recording = renamed.get(conversion.recording, conversion.recording)
         conversions.append(replace(conversion, recording=recording))
+    # The reason of the first stop remains visible in the joined result.
     setback = () if first.stopped_by is None else (first.stopped_by,)
     trace = replace(
         b,
@@ -281,6 +284,7 @@ def too_wide(
     for estimate in estimate_all(
         asked, done.trace, scene_with_measurements(scene, done.trace).bodies
     ):
+        # Only an interval that is too wide for lack of rounds can be narrowed.
         precision = within.precision(estimate)
         if precision is None or estimate.contradiction or not estimate.has_value:
             continue
@@ -298,6 +302,7 @@ def efforts_for(
     """
     found: dict[Parameter, Effort] = {}
     for parameter, precision in lacking.items():
+        # A quantity that models its precision predicts the effort; else scale the repetitions.
         site, effort = site_of(scene, parameter), None
         if site is not None:
             quantity = scene.catalogue[parameter.quantity]
@@ -317,6 +322,7 @@ def plan_again(
     if not efforts:
         return None
     try:
+        # Plan from the believed poses at the end of the last round.
         around = rearrange(done.final_state.scene, done.final_state.elsewhere())
         made = assemble(around, efforts, None, efforts, mirrored)
         if made.tree is None:

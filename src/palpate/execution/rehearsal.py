@@ -127,6 +127,7 @@ class TimePrediction:
     """
 
     def __init__(self, plan: Plan, start: float) -> None:
+        # Number of nodes of each kind in the plan.
         nodes = plan.tree.walk() if plan.tree is not None else ()
         self._kinds = {path: node.type for path, node in nodes}
         self._count = Counter(self._kinds.values())
@@ -188,6 +189,7 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
 
 def named_objects(plan: Plan, scene: Scene) -> frozenset[str]:
     """Objects that a plan names in its parameters or arguments, and that may be moved."""
+    # Objects of the parameters, then those of all arguments.
     found = {parameter.object for parameter in plan.parameters}
     if plan.tree is not None:
         for _, node in plan.tree.walk():
@@ -208,6 +210,7 @@ def _subject(value: object, scene: Scene) -> set[str]:
 
 def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     """Rehearse in one world, the believed one for seed 0."""
+    # A simulated robot in the drawn or believed world, observed by a witness.
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
     witness, look = Witness.of(robot.world), WorldComparison(robot.world)
@@ -245,6 +248,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     # A complete run must also restore all objects, as the plan promises.
     if harmed is None and stop is None and not seed:
         harmed = _first_displacement(done, witness, scene, look.foresight)
+    # Largest external force at the TCP over the whole run.
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
     return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
@@ -278,6 +282,7 @@ def _is_harming(witness: Witness, named: Collection[str]) -> bool:
 
 def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     """Path of the leaf that ran at time `t`, s, and the text with time and label."""
+    # Latest leaf that began before the time; leaves of a controlled stop do not count.
     leaves = [leaf for leaf in done.trace.leaves if leaf.start <= t and leaf.node != STOP_NODE]
     if not leaves:
         return "tree", text
@@ -299,6 +304,7 @@ def _first_displacement(
             continue
         apart = pose[:3] - scene.body(name).pose_world.position
         if float(np.linalg.norm(apart)) > RESTORED_POSITION:
+            # The leaf with the largest shift of the object is the cause to repair.
             x, y, z = (round(1e3 * away) for away in apart.tolist())
             path = seen.displaced_most(name)
             where = {leaf.node: f", displaced in {leaf.label}" for leaf in done.trace.leaves}
@@ -350,6 +356,7 @@ class Kept(BaseModel):
 
 def keep_rehearsal(folder: Path, plan: Plan, scene: Scene, rehearsal: Rehearsal) -> None:
     """Write the rehearsal of a plan into the folder of the plan."""
+    # Poses as seven numbers, weights for the objects of the scene only.
     seen = rehearsal.foresight
     shifts = {
         leaf: {name: pose.vector.tolist() for name, pose in found.items()}
@@ -378,6 +385,7 @@ def key(plan: Plan, scene: Scene) -> str:
     compiled = _binary(solids(scene).model)
     document: dict[str, Any] = plan_json(plan)
     priors = sorted((str(name), repr(prior)) for name, prior in scene.resolved.priors.items())
+    # A change of any of these may change the result of the rehearsal.
     said = [__version__, document["parameters"], document["tree"], priors]
     said += [repr(scene.pose_world_base), _arm(scene), _names(scene)]
     return hashlib.sha256(json.dumps(said).encode() + compiled.tobytes()).hexdigest()

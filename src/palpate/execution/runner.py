@@ -201,6 +201,7 @@ class Loop:
 
         `budget` is robot time, s.
         """
+        # The robot's clock starts with the first tick of the run.
         if self.start is None:
             self.start = self.now = self.blackboard.robot.state.t
         for _ in self.ticks(budget):
@@ -210,6 +211,7 @@ class Loop:
             self.show()
             if root.status is Status.SUCCESS:
                 return None
+            # The failed leaf states the reason; a reflex of the arm is kept for recovery.
             if root.status is Status.FAILURE:
                 self.reflex = self.reflex or self.blackboard.robot.state.reflex
                 leaves = reversed(self.blackboard.recorder.leaves)
@@ -303,6 +305,7 @@ class Loop:
         fault = self.watched.fault
         if fault is None:
             return None
+        # An entry of its own from the onset of the fault marks all later samples.
         run = LeafRun(
             STOP_NODE,
             "Watch",
@@ -318,6 +321,7 @@ class Loop:
 
     def put_down(self) -> None:
         self.blackboard.failed = False
+        # The stop is a leaf of its own, so that it is checked and recorded like others.
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
             self.tick_to_end(down, PutDown.timeout, self.hold_reason)
@@ -334,6 +338,7 @@ class Loop:
         """
         robot = self.blackboard.robot
         for _ in range(EASINGS):
+            # Each joint motion to the measured angles removes a part of the force.
             if self.is_pressing():
                 robot.move_joints(robot.state.q)
             self.rest()
@@ -349,6 +354,7 @@ class Loop:
 
     def is_pressing(self) -> bool:
         robot = self.blackboard.robot
+        # Force beyond that of a held load: the arm presses on an obstacle.
         force = unexplained_force(robot.state, robot.limits, robot.state.gripping, robot.gravity)
         return bool(np.linalg.norm(force) > robot.limits.free_force)
 

@@ -101,6 +101,7 @@ class SimulatedCell:
         known = self.scene or self.world
         found: dict[str, Array] = {}
         for name, body in known.bodies.items():
+            # Above the middle of the top, or at the approach pose of a body that carries others.
             x, y, _ = body.pose_world.apply(body.centre)
             if body.carries:
                 free = known.symbols.poses.get(f"{name}_approach")
@@ -161,6 +162,7 @@ def draw_truth(scene: Scene, seed: int) -> dict[Parameter, tuple[float, ...]]:
     """
     random = np.random.default_rng(seed)
     truth: dict[Parameter, tuple[float, ...]] = {}
+    # In document order, so that a seed determines each value.
     for parameter in scene.missing:
         quantity, prior = scene.catalogue[parameter.quantity], scene.resolved.priors[parameter]
         truth[parameter] = quantity.draw(scene.body(parameter.object), prior, random)
@@ -223,6 +225,7 @@ def _require_match(scene: Scene, world: Scene, tolerance: float) -> None:
         InputError: one is missing, or differs.
     """
     differs = "scene and world do not match:"
+    # Names must agree exactly: they connect beliefs and truth.
     absent = [name for name in scene.bodies if name not in world.bodies]
     if absent:
         raise InputError(

@@ -113,6 +113,7 @@ class PutDown(Primitive):
         place = held.translate((0.0, 0.0, -gap)) if np.isfinite(gap) else held
         if reason := unproven(state, name, place):
             raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
+        # Without a grasp pose, `lifted` alone decides if the object is on its support.
         height = 0.0
         if state.grasp is not None:
             tcp = blackboard.robot.state.pose_world_tcp
@@ -159,6 +160,7 @@ def let_slip(blackboard: Blackboard) -> bool:
     Fingers that close further would tip it over. Returns True if they were opened.
     """
     state, load = blackboard.robot.state, blackboard.load
+    # A slip is harmless only while the object presses on its support.
     slips = blackboard.state.holding is not None and load.slip(state.width) is not None
     if not slips or load.borne(state.contact) > -UNFELT:
         return False
@@ -205,6 +207,7 @@ def height_above(blackboard: Blackboard, place: Pose) -> float:
 def state_after_release(blackboard: Blackboard) -> SymbolicState:
     """Symbolic state after the fingers opened at their current pose."""
     state, tcp = blackboard.state, blackboard.robot.state.pose_world_tcp
+    # The released object is believed to be at its pose in the hand.
     moved = dict(state.moved)
     if state.holding is not None and state.pose_tcp_object is not None:
         moved[state.holding] = tcp @ state.pose_tcp_object

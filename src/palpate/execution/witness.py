@@ -184,6 +184,7 @@ class Witness:
 
     def mark(self) -> Callable[[], None]:
         """Return a function that undoes all steps from now on."""
+        # Keep only the lengths of the records, since these grow at their ends.
         steps, looks, held = self.steps, len(self.looks), self._held
         gripped, rows = dict(self._gripped), {p: len(f.steps) for p, f in self.forces.items()}
 
@@ -203,6 +204,7 @@ class Witness:
         return self._last
 
     def _looked_up(self, geoms: Ints) -> Touching:
+        # Contacts in which a geom of the robot or of its load takes part.
         mine = np.flatnonzero(self._mine.take(geoms).any(axis=1)).tolist()
         pairs: list[list[int]] = geoms.tolist()
         fingers: list[tuple[int, int, int]] = []
@@ -211,6 +213,7 @@ class Witness:
             finger, thing = self._finger.get(side), self._graspable[other]
             if finger is not None and thing >= 0 and other not in self._robot_geoms:
                 fingers.append((i, finger, thing))
+        # The last entry collects geoms without an object (number -1).
         touched = np.zeros(len(self.objects) + 1, dtype=bool)
         touched[self._object.take(geoms)] = True
         return Touching(pairs, mine, fingers, self._presses(pairs, mine), touched[:-1])
@@ -364,6 +367,7 @@ def _is_free(model: mujoco.MjModel, body: int) -> bool:
 
 def _axis(model: mujoco.MjModel, body: int) -> Array | None:
     """Axis of revolution (3,) of a body with a single colliding geom, in the body's frame."""
+    # Colliding geoms of the body's whole tree.
     solid = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = np.flatnonzero(solid & (model.body_rootid[model.geom_bodyid] == body)).tolist()
     # Only a single sphere, cylinder or capsule rolls about an axis of its own.

@@ -84,6 +84,7 @@ def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
     """
     joint = state.scene.body(name).joint
     assert joint is not None
+    # Direction with more room; a believed limit permits less travel than a stated one.
     sign = 1.0 if joint.room(1.0) >= joint.room(-1.0) else -1.0
     is_unsure = joint.open[int(sign > 0.0)]
     farthest = NOT_SURE if is_unsure else FARTHEST
@@ -162,6 +163,7 @@ def _hand_hits(state: SymbolicState, name: str, poses: list[Pose]) -> Iterator[V
     ends = shapes.configuration(poses[0]), shapes.configuration(poses[-1])
     if ends[0] is None or ends[1] is None:
         return
+    # Path of the open hand on the handle, and of the arm that carries it.
     hand = ArmPath(
         np.array([pose.position for pose in poses]),
         np.array([pose.quaternion for pose in poses]),
@@ -190,6 +192,7 @@ def _margin(state: SymbolicState, name: str, part: ShapePart, other: ShapePart) 
 def _objects_met(state: SymbolicState, name: str, way: Way) -> Iterator[Violation]:
     """Violation for the first object that is near the fixture anywhere on its way."""
     shapes = solids(state.scene)
+    # Shapes of the fixture, moved as a rigid body along its joint.
     own = [shape for shape in shapes.fixed if shapes.owners[shape.geom] == name]
     moving = ShapeGroup.of(own)
     motions = [way.joint.motion(share * way.travel) for share in way.shares]

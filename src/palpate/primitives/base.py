@@ -102,6 +102,7 @@ class Recorder:
 
     def snapshot(self) -> Trace:
         """The trace so far."""
+        # Join the parts once, so that the next snapshot is cheap.
         self._parts = [Samples.concatenate(self._parts)]
         return Trace(
             self._parts[0],
@@ -165,6 +166,7 @@ class Blackboard:
 
     def wait(self, longest: float) -> float:
         """Take the time, s, until any leaf of the last tick needs the next one, at most `longest`."""
+        # The leaf that needs the next tick first decides.
         waits, self.waits = self.waits, []
         return min(*waits, longest) if waits else 0.0
 
@@ -175,6 +177,7 @@ class Blackboard:
         A force on the hand or the held object acts within the lever about the TCP that they reach. A
         torque that no such force explains comes from a link.
         """
+        # The held object extends the lever by its reach.
         lever, state = HAND, self.state
         if state.holding is not None and state.pose_tcp_object is not None:
             body = state.scene.body(state.holding)
@@ -246,6 +249,7 @@ class Primitive(BaseModel):
         By default the one with default arguments. A primitive with a required argument must
         override this, or only plans with written arguments use it.
         """
+        # A primitive with defaults for all arguments has one obvious instance.
         needs_arguments = any(field.is_required() for field in cls.model_fields.values())
         return () if needs_arguments else (cls(),)
 

@@ -187,6 +187,7 @@ class CloseGripper(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot = blackboard.robot
+        # The wrench of the empty fingers is the reference of all later loads.
         blackboard.load = FingerLoad((yield from median_wrench(blackboard)))
         blackboard.set_reflex(robot.limits.reflexes.contact)
         # Close gently first, to compare the width with the believed one before the object moves.
@@ -223,6 +224,7 @@ class CloseGripper(Primitive):
 def _picture_advice(state: SymbolicState) -> str:
     """Advice for an object that was seen in a picture or by a camera; else empty."""
     body = state.object_at(state.pose_world_tcp)
+    # A camera states a covariance of the pose, a picture also an uncertain size.
     if body is not None and body.covariance is not None and not body.seen:
         x, y, _ = state.pose_of(body.name).position
         return f"; '{body.name}' was seen at ({x:.3f}, {y:.3f}) m, to {1e3 * body.doubt:.1f} mm (3 std)"
@@ -302,6 +304,7 @@ def _believed_width(state: SymbolicState) -> tuple[float, float]:
     pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
     if pose is None or body is None:
         return math.nan, 0.0
+    # An unknown size gives no width to compare with.
     held = state.grip_of(body, pose)
     width = math.nan if held is None or "size" in body.missing else held.width
     # The size of a shape seen in a picture is as uncertain as its position: 2 σ.

@@ -151,6 +151,7 @@ class FindLimits(_Working):
                 raise LeafFailure(
                     f"'{name}' meets no limit within {1e3 * way.length:.0f} mm, as far as the arm can move it"
                 )
+            # Convert the position of the TCP at the limit into the joint's coordinate.
             there = way.joint.travels(
                 way.start, blackboard.robot.state.pose_world_tcp.position[None]
             )
@@ -167,6 +168,7 @@ def _sides(state: SymbolicState, name: str) -> list[float]:
     """
     joint = state.scene.body(name).joint
     assert joint is not None
+    # Open limits are those that the scene does not state.
     sides = [sign for sign, is_open in zip((-1.0, 1.0), joint.open, strict=True) if is_open]
     return sorted(sides or (-1.0, 1.0), key=joint.room, reverse=True)
 
@@ -211,6 +213,7 @@ def _run_up(blackboard: Blackboard, way: Way) -> Wait:
 
     The force of the motion then shows before the force of the limit.
     """
+    # Share of the way in the opposite direction, limited by the room there.
     room = way.joint.room(-np.copysign(1.0, way.travel)) / abs(way.travel)
     back = min(RUN_UP / way.length, room)
     if back * way.length > BACK:
@@ -287,6 +290,7 @@ def _start_motion(blackboard: Blackboard, way: Way, share: float, speed: float) 
     """Start the motion to a share of the way: straight for a slide, an arc for a hinge."""
     robot, joint = blackboard.robot, way.joint
     target = way.at(share)
+    # A hinge turns about its axis by the difference from the current angle.
     if joint.is_slide:
         robot.move_pose(target, speed)
         return

@@ -112,6 +112,7 @@ class MovePose(Primitive):
 
     def transferred(self, old: str, new: str) -> MovePose:
         head = pose_name(self.pose)
+        # Replace the subject in the name of the pose, and keep the offsets.
         endings = ("_pose", "_approach", "_balance")
         names = {f"{old}{ending}": f"{new}{ending}" for ending in endings}
         return self.model_copy(update={"pose": names.get(head, head) + self.pose[len(head) :]})
@@ -163,6 +164,7 @@ class MovePose(Primitive):
 
     def run(self, blackboard: Blackboard) -> Steps:
         target = self.target(blackboard.state)
+        # A held object on its support slides, all other motions go span by span.
         if blackboard.state.activity == "sliding":
             yield from slide(blackboard, target, self.speed or np.inf)
             blackboard.state = blackboard.state.after_drag()
@@ -299,6 +301,7 @@ class MoveJoints(Primitive):
         return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
 
     def run(self, blackboard: Blackboard) -> Steps:
+        # Thresholds include what torque errors imitate along the whole joint motion.
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
         goal = self.target(blackboard.state)
         thresholds = reflexes.carrying if blackboard.state.holding else reflexes.free
@@ -366,12 +369,14 @@ def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
     """
     scene, trace = blackboard.scene, blackboard.recorder.snapshot()
     subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]
+    # Estimate the centre of mass from all recordings so far.
     (found,) = estimate_all([Parameter(subject, CentreOfMass.id)], trace, scene.bodies)
     if found.verdict != "identified":
         return line.believed, f"as believed: {found.verdict} so far"
     body = scene.body(subject)
     # Upper bound of the standard deviation along the line.
     std = float(np.abs(body.pose_world.rotation.T @ line.along) @ found.stds)
+    # Project the estimate onto the line, and compare with the believed place.
     along = line.nearest(body.pose_at_rest.apply(found.values))
     apart = along - line.believed
     if abs(apart) < std:

@@ -161,6 +161,7 @@ class SymbolicState:
 
     def context(self) -> Context:
         """Context of a recording made now."""
+        # A slide has no contact by name; its support is the surface below.
         support = self.contact
         if not support and self.activity == "sliding":
             below = self.surface_below(self.pose_world_tcp)
@@ -194,6 +195,7 @@ class SymbolicState:
 
     def raised(self, surface: str, top: float) -> SymbolicState:
         """State with the top of a surface at world z `top`, m, and the bodies on it raised with it."""
+        # Moved objects on the surface rise as well.
         rises = risen(self.scene, surface, top, self.pose_of)
         moved = {
             name: pose.translate((0.0, 0.0, rises.get(name, 0.0)))
@@ -209,6 +211,7 @@ class SymbolicState:
 
     def belief_of(self, name: str) -> Belief | None:
         """Belief in the current pose of a body; None if its pose has no stated uncertainty."""
+        # A belief corrected by touch comes first, else the stated covariance.
         known, covariance = self.beliefs.get(name), self.scene.body(name).covariance
         if known is None and covariance is not None:
             seen = (self.scene.as_given or self.scene).body(name)
@@ -374,6 +377,7 @@ class SymbolicState:
 
     def elsewhere(self) -> dict[str, Pose]:
         """Poses of the objects that are not at their poses in the scene as given."""
+        # Poses corrected by touch, and objects that the plan displaced.
         felt = {name: self.pose_of(name) for name, one in self.beliefs.items() if one.is_moved}
         return felt | self.displaced_objects()
 

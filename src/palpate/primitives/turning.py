@@ -102,6 +102,7 @@ class _Turning(Primitive):
         if state.is_bent:
             problem = f"{name} turns the hand at a pose; MovePose first"
             return [Violation("unknown-start", problem)]
+        # The load must hang free, and the hand touch nothing.
         if state.contact or (state.holding and not state.lifted):
             problem = (
                 f"{name} turns the hand in free air; lift what it holds, or leave "
@@ -171,6 +172,7 @@ class _Turning(Primitive):
             LeafFailure: it slid or turned in the fingers.
         """
         load, tool = blackboard.load, blackboard.robot.state.pose_world_tcp
+        # Empty hand: learn the effect of joint friction. With a load: compare the moments.
         wrench = yield from median_wrench(blackboard)
         if not blackboard.state.holding:
             changed = abs(float((wrench - before)[3:] @ tool.rotation[:, 1]))
@@ -258,6 +260,7 @@ class Turn(_Turning):
 
     def _bending(self, state: SymbolicState) -> Iterator[Violation]:
         """Violation for a turn in which a joint would have to change to another branch."""
+        # A joint that turns much farther than the hand has changed its branch.
         now = state.q
         most = math.radians(abs(self.degrees)) + BENT
         for pose in self._ends(state):
@@ -287,6 +290,7 @@ class Swing(_Turning):
 
     def turns(self, state: SymbolicState) -> list[Array]:
         pace = state.scene.arm.pace
+        # The largest amplitude bounds the extreme rotations of all swings.
         angle = max(swing_angle(pace, frequency) for frequency, _ in SWINGS)
         return [sign * angle * axis for axis in np.eye(3) for sign in (1.0, -1.0)]
 
