@@ -92,6 +92,7 @@ def estimate(
         if out is not None:
             found = found.save(out)
     show_run(found, as_json)
+    # Only requested parameters decide the exit status.
     asked = [one for one in found.estimates if one.parameter in found.plan.parameters]
     raise typer.Exit(0 if all(one.identified for one in asked) else 1)
 

@@ -224,6 +224,7 @@ class Voice:
 
     def _handlers(self) -> Generator[logging.Handler]:
         if self.verbose or self.log is not None:
+            # Details on stderr only with --verbose; warnings always.
             spoken = logging.StreamHandler(sys.stderr)
             spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
             # The live view shows these messages already: send them only to the log.

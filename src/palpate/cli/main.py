@@ -138,6 +138,7 @@ def usage(error: Any, as_json: bool = False) -> int:
     from palpate.cli.console import print_failure, printing
     from palpate.common.display import visible
 
+    # The library's errors can show themselves with a usage line.
     status: int = getattr(error, "exit_code", 2)
     show = getattr(error, "show", None)
     if show:

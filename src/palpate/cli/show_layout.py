@@ -71,6 +71,7 @@ def _table(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], title
     table = Table(
         title=title or None, title_justify="left", box=None, header_style="dim", pad_edge=False
     )
+    # Words may be broken, figures never.
     for column in columns:
         table.add_column(
             column.heading,

@@ -135,6 +135,7 @@ def _body_json(body: Body) -> dict[str, Any]:
 
 
 def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
+    # Known values with four digits and their unit.
     known: list[str] = []
     for quantity, values in body.known.items():
         words = [quantity, *(f"{value:.4g}" for value in values)]

@@ -170,6 +170,7 @@ def show_report(folder: Path) -> None:
     Raises:
         InputError: there is no such page.
     """
+    # Distinguish a wrong folder from a run without a report.
     page = folder / PAGE
     if not folder.is_dir():
         raise InputError(f"'{folder}' is no folder: give that of a run")

@@ -53,7 +53,7 @@ _ALIKE = re.compile(r"\b(?:equally|as (?!well |soon )\w+ as)\b")
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """One side of a comparison: the sum of the values of some objects, or an amount of the request.
+    """Side of a comparison: the sum of the values of some objects, or an amount of the request.
 
     Attributes:
         name: the objects; empty for an amount.

@@ -223,6 +223,7 @@ def execute(
         settled=keep_state if made.rehearsal is None else made.rehearsal.foresight.settled,
         see=see,
     )
+    # Keep everything that later stages need, and the earlier setbacks.
     ending = Ending.of(done)
     return replace(
         made,
@@ -314,6 +315,7 @@ def cut_off(made: Run) -> Run:
         trace = made.trace_if_any
     except InputError:  # the file was cut off too early to be read
         trace = None
+    # Estimate the figures of the execution from the trace.
     leaves = trace.leaves if trace is not None else ()
     seconds = 0.0
     if trace is not None and len(trace.samples):

@@ -112,6 +112,7 @@ def arm_of(run: Run) -> str:
 
 def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
     """Content of the fusion's `result.json`."""
+    # Paths exist only for a saved fusion.
     files: dict[str, str] = {}
     if folder is not None:
         named = {"result": "result.json", "twin": "twin.xml"}
@@ -175,6 +176,7 @@ def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
 
 def differences(one: Run, other: Run) -> Iterator[str]:
     """Describe the differences of the scenes and worlds of two runs."""
+    # Same text and same poses mean the same scene.
     if not one.scene.bodies or not other.scene.bodies:
         yield "the scene's file is gone"
         return

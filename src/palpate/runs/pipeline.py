@@ -198,6 +198,7 @@ class _Steps:
     def finished(self, made: Run) -> Run:
         """Carry out all stages after the execution, from the one that is due. A signal ends
         them."""
+        # Stages in their order; a reopened run begins at the one that was interrupted.
         steps: dict[Stage, Step] = {
             "estimating": self.estimates,
             "building the twin": self.twin,

@@ -156,6 +156,7 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
     Raises:
         InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
     """
+    # Decide: a real arm always, otherwise by the setting or the planner.
     real, wanted = _is_real(made, cell), made.settings.rehearse
     if real and wanted is False:
         raise InputError(
@@ -299,6 +300,7 @@ def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
         or "text" in settings.model_settings.without
     ):
         return answer
+    # Read the request by the symbolic planner's rules.
     wanted = requested_parameters(settings.request, scene, settings.remeasure)
     if answer.tree is None or wanted is None or set(wanted) == set(answer.parameters):
         return answer

@@ -86,6 +86,7 @@ class StoredScene(NamedTuple):
 
 
 def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
+    # Read plan and scene first: estimates and twin refer to them.
     proposal = load_proposal(folder / "plan.json")
     found = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
@@ -119,6 +120,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
 
 def _find_scene(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> StoredScene:
     """Find the scene: in the folder, else in its own file; else return an empty one."""
+    # Use the poses that the run used.
     own, arm, poses = (
         folder / "scene.xml",
         load_description(settings.arm, settings.cautious),

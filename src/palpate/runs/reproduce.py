@@ -91,7 +91,7 @@ def _add_seed(command: list[str], settings: Settings) -> list[str]:
 
 def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> Iterator[str]:
     """Yield the options with values other than the defaults; for a model, all except its budget."""
-    # Compare each option with its default; a model's address may come from the environment.
+    # Compare each option with its default; a model's address is compared without user and password.
     default = type(settings)()
     for one in iter_options(type(settings)):
         value = attrgetter(one.name)(settings)

@@ -38,6 +38,7 @@ def _combine_motions(motions: Sequence[HeldOutMotion]) -> dict[str, Any]:
     """Combine all motions into one entry: the least probable one counts, and any one that
     disagrees.
     """
+    # Collect descriptions, p-values and findings.
     words: list[str] = []
     findings: list[str] = []
     probable: list[float] = []
@@ -184,6 +185,7 @@ def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
     """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown
     values."""
+    # Verdicts by axis, for quantities of several components.
     axes = dict(zip(axes_of(len(estimate.values)), estimate.verdicts, strict=True))
     return {
         "object": estimate.parameter.object,
@@ -212,7 +214,7 @@ def parameter_json(estimate: Estimate) -> dict[str, Any]:
 
 
 def _limit(estimate: Estimate, sign: int) -> Any:
-    """One-sided 95 % limits of the components at a lower bound (`sign` 1) or an upper one (-1);
+    """Limits (95 %, one-sided) of the components at a lower bound (`sign` 1) or an upper one (-1);
     null for the others.
     """
     # Only components at a bound on that side have a limit.

@@ -81,22 +81,22 @@ class Ending:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Run(Estimates):
-    """Results of a run; those of stages that were not reached are None or empty.
+    """Results of a run. Results of stages that were not reached are None or empty.
 
     Attributes:
         scene: D, or the scene built from a picture.
         plan: without a tree if it was rejected.
         findings: findings of the check.
-        conversation: dialogue with a model, if one was asked.
+        conversation: dialogue with a model, if the planner is one.
         seen: objects that a model detected, without D.
         picture: PNG of the workspace that was shown to the model, if no image was given.
-        looked: PNG of what a camera saw before the plan, with the outlines of the objects in it.
+        looked: PNG of a look of a camera before the plan, with the outlines of the objects.
         rehearsal: prediction of the simulation before the execution, if any.
-        world: place of the execution, in words.
+        world: place of the execution.
         simulated: no real robot moved.
         execution: course and end of the execution.
         final_state: symbolic state of the cell after the execution.
-        beliefs: poses of the objects by sight and touch, where something says how sure they are.
+        beliefs: poses of the objects by sight and touch, where a covariance is stated.
         recorded: the trace, unless it is in the folder (see `trace_if_any`).
         footage: frames of the cell's camera.
         black_box: every cycle of a real robot's last seconds before a stop, by signal; `cycles.npz`

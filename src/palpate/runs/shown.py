@@ -130,6 +130,7 @@ def _camera(run: Run, trace: Trace) -> Iterator[Message]:
     if picture is None:
         return
     start = trace.t[:1]
+    # Encode the picture once.
     jpeg = BytesIO()
     picture.save(jpeg, "JPEG", quality=QUALITY)
     image = header(CAMERA).text("jpeg").octets(jpeg.getvalue())

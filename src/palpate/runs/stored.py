@@ -48,6 +48,7 @@ def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P
 
     @wraps(verb)
     def checked(*args: P.args, **kwargs: P.kwargs) -> R:
+        # Suggest the nearest known name.
         for name in kwargs:
             if name not in known:
                 guess = perhaps(name, known) or f" it takes {', '.join(known)}"

@@ -200,6 +200,7 @@ def prompt(settings: Settings) -> Prompt:
     Raises:
         InputError: a value out of range, or a file that cannot be read.
     """
+    # A scene gives its own names; without one the workplace does.
     settings = settings.check_values()
     scene = pipeline.load(settings)
     # Without a scene, the prompt has the names of the workplace only.
@@ -292,6 +293,7 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
             "a scene from a picture needs the picture (--image photo.jpg) and, in a poses.yaml "
             "(--poses), the camera that took it: pos, quat, fovy and size"
         )
+    # Use only the scene of the model's answer.
     made = pipeline.plan(settings.check_values(), None)
     texts = {
         SCENE: made.scene.resolved.document.text,

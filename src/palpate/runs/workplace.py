@@ -96,6 +96,7 @@ def pictures_of(
         return (), ()
     # Take each picture separately: one failure must not prevent the other.
     cell = cell_for(settings, scene)
+    # The overview always, the close-up if the cell has one.
     cameras: dict[str, Callable[[], bytes | None]] = {
         "of the workspace": partial(cell.picture, poses.camera)
     }
@@ -238,6 +239,7 @@ def seen_from(
     from palpate.perception.cameras import pictures
     from palpate.perception.look import look as look_at
 
+    # A real camera or a file: take pictures and look.
     if not source.startswith(WORLD_CAMERA):
         if world is not None:
             raise InputError(
@@ -286,6 +288,7 @@ def hand_of(url: str, scene: Scene) -> Pose:
             f"the driver of '{url}' does not say where the hand is: state the joints= at which the camera looks in its "
             "intrinsics file, and see first"
         )
+    # Connect only for the one pose.
     hand = guided(url, scene)
     try:
         return hand.where()[0]

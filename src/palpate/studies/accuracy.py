@@ -174,6 +174,7 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
     """
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
+    # Plan and measure, in a displaced world if requested.
     made = pipeline.plan(settings, pipeline.load(settings))
     cell = displaced_cell(settings, made.scene, made.seen is not None) if displaced else None
     run = pipeline.measure(made, cell=cell)
@@ -224,6 +225,7 @@ def scored_estimates(run: Run, estimate: Estimate) -> Iterator[ScoredEstimate]:
     truth = run.truth.get(estimate.parameter)
     if truth is None or not estimate.has_value:
         return
+    # The naive mass is a part of the estimate of a mass.
     naive = estimate.parts.get("single-shot")
     for i, true_value in enumerate(truth):
         low, high = estimate.intervals[i].tolist()

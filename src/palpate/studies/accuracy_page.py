@@ -131,6 +131,7 @@ def scenario_section(
     for each in identified_estimates(runs):
         by_quantity.setdefault(each.parameter.quantity, []).append(each)
         by_parameter.setdefault((each.parameter, each.component), []).append(each)
+    # Two figures for the whole scenario: coverage and calibration.
     wide: list[tuple[str, str]] = []
     scored = [(row, row.scores) for row in rows if row.scores is not None]
     if scored:
@@ -148,6 +149,7 @@ def scenario_section(
         figures[ids[1]] = plots.quantiles(by_parameter[row.key])
         truth = with_unit(significant(scale * row.truth, 4), unit)
         cards.append(ParameterCard(names[row.key], f"truth {truth}, {row.runs} values", ids))
+    # Most frequent reasons for missing values.
     reasons = Counter(f"{each.parameter}: {each.reason}" for run in runs for each in run.unmeasured)
     return ScenarioSection(
         name=group.scenario,
@@ -178,6 +180,7 @@ def run_facts(runs: Sequence[SeedRun]) -> dict[str, str]:
 
 
 def summary_line(name: str, row: Summary) -> Line:
+    # Components that were not identified, by verdict.
     others = ", ".join(f"{n} {v}" for v, n in row.verdicts.items() if v != "identified")
     measured = TableCell(f"{row.runs}/{row.asked}", others)
     scores = row.scores

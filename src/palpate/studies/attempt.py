@@ -120,6 +120,7 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
     given = conditions.images or task.images
     if given or conditions.beside is None:
         return given
+    # Render once for each scenario, next to the results.
     first = conditions.beside.with_suffix(f".{task.name.replace('/', '-')}.png")
     further = first.with_stem(f"{first.stem}.closer")
     with _executing:

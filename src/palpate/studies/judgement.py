@@ -102,6 +102,7 @@ def value_errors(run: Run, expected: Iterable[Parameter]) -> Iterator[str]:
     """Yield reasons against the twin: expected parameters that are not identified, not written, or
     more than FAR stated standard deviations off.
     """
+    # Each expected value: identified, written, and near the truth.
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
     unwritten = run.finished.unwritten if run.finished else ()
     for parameter in expected:

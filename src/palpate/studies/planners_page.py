@@ -82,6 +82,7 @@ def write_page(results: Path) -> Path | None:
 
 def render(records: Sequence[TrialRecord]) -> str:
     """Render the page's HTML."""
+    # Sections in the order of the paper; empty ones are left out.
     found = [scenario_table(records), ablation_table(records), repeatability_table(records)]
     found += [results_table(records), effort_table(records)]
     failures = Counter(
@@ -107,6 +108,7 @@ def scenario_table(records: Iterable[TrialRecord]) -> Table:
         (record for record in records if record.trial.configuration == "full"),
         lambda record: (record.trial.scenario, record.trial.asked),
     )
+    # One column for each planner, one row for each scenario.
     askers = list(dict.fromkeys(asker for _, asker in whole))
     lines: list[Line] = []
     for name in dict.fromkeys(scenario for scenario, _ in whole):
@@ -145,6 +147,7 @@ def ablation_table(records: Sequence[TrialRecord]) -> Table | None:
     done = [name for name in CONFIGURATIONS if any((name, asker) in rows for asker in askers)]
     if len(done) < 2:
         return None
+    # Two columns of the paper, then two for each planner.
     heads = ["paper: syntax", "paper: success"]
     for asker in askers:
         heads += [f"{asker}: syntax", f"{asker}: success"]
@@ -168,6 +171,7 @@ def ablation_table(records: Sequence[TrialRecord]) -> Table | None:
 def repeatability_table(records: Iterable[TrialRecord]) -> Table:
     """Compare with the paper's table III."""
     lines: list[Line] = []
+    # The paper's rows, then ours.
     for name, (syntax, success) in REPEATABILITY.items():
         cells = [
             TableCell(f"{syntax}/20"),
@@ -219,6 +223,7 @@ def results_table(records: Sequence[TrialRecord]) -> Table:
 
 def effort_table(records: Iterable[TrialRecord]) -> Table:
     """Compare with the paper's effort of measuring everything."""
+    # Mean effort of each planner, below the paper's pair.
     done = [r for r in records if r.trial.scenario == SELECTIVE and r.robot_seconds > 0.0]
     lines: list[Line] = []
     for asker, group in group_records(done, lambda record: record.trial.asked).items():

@@ -63,6 +63,7 @@ def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figu
         "hovertemplate": f"%{{x:.3g}} {escape(unit)}<extra></extra>",
     }
     curve = line_trace("as stated", x, pdf.mean(axis=0), NORM)
+    # Mark the mean error and zero.
     bias = float(found.mean())
     return {
         "data": [bars, curve],
@@ -91,6 +92,7 @@ def quantiles(estimates: Sequence[ScoredEstimate]) -> Figure:
     expected = ndtri((rank - 0.375) / (n + 0.25))
     low, high = (ndtri(betaincinv(rank, n + 1.0 - rank, p)) for p in (0.025, 0.975))
     ends = expected[[0, -1]] if n > 1 else np.array([-1.0, 1.0])
+    # Thinned-out points against the expected order statistics.
     points = {
         "type": "scatter",
         "mode": "markers",
@@ -124,6 +126,7 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
         lines.append(coverage_curve(f"{escape(name)} ({len(group)})", group, colour, 1.6))
     if len(groups) > 1:
         lines.append(coverage_curve(f"all ({n})", everything, NORM, 3.0))
+    # Both axes are per cent, from 0 to 100.
     layout = panel_layout("interval of level", "holds the truth") | LARGE
     for name in ("xaxis", "yaxis"):
         layout[name] |= {"range": [0, 100], "dtick": 25, "ticksuffix": " %"}
@@ -140,6 +143,7 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
     rows = [(escape(name), stated) for name, stated in reversed(rows)]
     scale = {"type": "log", "range": [np.log10(0.2), np.log10(5.0)], "showgrid": True}
     scale |= {"tickvals": [0.25, 0.5, 1, 2, 4], "ticktext": ["¼", "½", "1", "2", "4"]}
+    # Shade the target range behind the points.
     aim = {
         "type": "rect",
         "xref": "x",
@@ -150,6 +154,7 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
         "y1": 1,
     }
     aim |= {"fillcolor": BAND, "line": {"width": 0}, "layer": "below"}
+    # Points with asymmetric intervals.
     dots = {
         "type": "scatter",
         "mode": "markers",
@@ -224,6 +229,7 @@ def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
                 "hovertemplate": "%{text}: stated %{x:.2g}, actual %{y:.2g}<extra></extra>",
             }
         )
+    # Logarithmic axes with the same range.
     layout = panel_layout("stated standard deviation (SI unit)", "root mean square error") | LARGE
     for name in ("xaxis", "yaxis"):
         layout[name] |= {"type": "log", "exponentformat": "power", "dtick": 1}

@@ -187,6 +187,7 @@ def attempt_in_parallel(
 
     The iteration ends early if the provider stays unavailable.
     """
+    # Count consecutive outages; a success resets the count.
     waiting = iter(trials)
     outage: Unavailable | None = None
     in_a_row = 0

@@ -137,8 +137,8 @@ class Crew(Protocol):
     ) -> Iterator[tuple[int, Result | Lost]]:
         """Yield (index of the task, result of `work`) in order of completion.
 
-        Work, tasks and results must be picklable unless a single process does them all. What `work`
-        raises is raised.
+        Work, tasks and results must be picklable, except for a single process. Exceptions of `work`
+        are raised.
         """
         ...
 
@@ -335,6 +335,7 @@ def require_answer(address: str) -> None:
     """
     if address == "auto":
         return
+    # Try the port before Ray does.
     found = ADDRESS.fullmatch(address)
     if found is None:
         raise InputError(
@@ -357,6 +358,7 @@ def join_cluster(address: str) -> Any:
         raise Unavailable("a cluster needs Ray: pip install 'palpate[ray]'") from None
     library: Any = ray
     try:
+        # Send this version of palpate to the workers.
         library.init(
             address=address,
             runtime_env={"py_modules": [palpate]},

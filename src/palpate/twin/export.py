@@ -91,6 +91,7 @@ def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
 def read_usd(path: Path) -> dict[str, Facts]:
     """Read the rigid bodies and colliders of a stage."""
     geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
+    # Collect the bodies and their shapes in one traversal.
     stage = _module("pxr.Usd").Stage.Open(str(path))
     # Assign each shape to the nearest rigid body above it, else to the world.
     shapes: dict[str, list[Array]] = {WORLD: []}
@@ -169,6 +170,7 @@ def friction_of(prim: Any) -> float | None:
         return None
     if physics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
         return None
+    # Read the dynamic friction of the bound physics material.
     material, _ = shade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
     value = physics.MaterialAPI(material).GetDynamicFrictionAttr().Get() if material else None
     return None if value is None else float(value)
@@ -228,7 +230,7 @@ def export_twin(
 
     Raises:
         InputError: the twin cannot be simulated, so that it could not be compared.
-        PalpateError: what was written differs from the twin.
+        PalpateError: the written file differs from the twin.
     """
     # Ranges need no model.
     if chosen == "randomisation":

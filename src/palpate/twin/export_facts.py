@@ -108,6 +108,7 @@ def tensor(principal: Array, quaternion: Array) -> Array:
 
 
 def box_of(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
+    # MuJoCo's sizes are radii and half lengths; a capsule is measured to its caps' centres.
     kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
     radius, half = float(size[0]), float(size[1])
     match kind:

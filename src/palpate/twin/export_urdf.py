@@ -128,6 +128,7 @@ def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
 def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     name = body_name(model, body)
     link = etree.SubElement(root, "link", {"name": name})
+    # Inertia of the link: principal axes rotated into its frame.
     if model.body_mass[body] > 0.0:
         inertial = etree.SubElement(link, "inertial")
         add_origin(inertial, Pose.of(model.body_ipos[body]))
@@ -139,6 +140,7 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
             entries[f"i{'xyz'[i]}{'xyz'[j]}"] = _number(inertia[i, j])
         etree.SubElement(inertial, "inertia", entries)
     for geom in geoms_of(model, body):
+        # Visible and colliding shapes are separate elements.
         insets = list(insets_of(model, geom))
         if model.geom_group[geom] <= SHOWN:
             add_visuals(link, model, geom, insets)
@@ -155,6 +157,7 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
 
 def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
     """Convert a geom to URDF's shapes, in its link's frame."""
+    # MuJoCo states half sizes, URDF full ones.
     x, y, z = model.geom_size[geom].tolist()
     pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom])
     ball = {"radius": _number(x)}
@@ -225,6 +228,7 @@ def joint_type(
     model: mujoco.MjModel, joint: int, written: Written
 ) -> tuple[str, dict[str, dict[str, str]]]:
     """Type, axis and limits of a joint. URDF's zero is MuJoCo's initial configuration."""
+    # Free joints float; URDF has no ball joints.
     kind = mujoco.mjtJoint(model.jnt_type[joint])
     if kind == mujoco.mjtJoint.mjJNT_FREE:
         return "floating", {}

@@ -239,7 +239,7 @@ def _fill_unknowns(
 def moved_along(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
-    """Move bodies that stand on a surface of measured height, with its precision."""
+    """Move bodies that are on a surface of measured height, with its precision."""
     heights = [parameter for parameter in values if parameter.quantity == "height"]
     std = min((deviations(records)[parameter] for parameter in heights), default=None)
     for name, rise in at_heights(scene, values).rises.items():

@@ -194,6 +194,7 @@ def _offsets(estimate: Estimate) -> list[Range]:
 
 def _limits(estimate: Estimate) -> dict[int, Range]:
     """Intervals of the measured limits of a joint, by side: 0 is the lower one."""
+    # A deviation of zero marks a limit that was not measured.
     columns = zip(estimate.intervals.tolist(), estimate.stds, strict=True)
     return {side: _range(*ends) for side, (ends, std) in enumerate(columns) if std > 0}
 

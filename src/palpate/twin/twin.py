@@ -168,6 +168,7 @@ def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
     for estimate in estimates:
         if estimate.parameter.quantity != "friction":
             continue
+        # Compare the interval with the friction that the support states.
         supports = {recording.context.support or "" for recording in estimate.evidence}
         ((low, high),) = estimate.intervals.tolist()
         for name in sorted(supports & set(scene.surfaces)):
@@ -225,6 +226,7 @@ def read_twin(
     if document.files:
         texts = complete(scene, written, {estimate.parameter for estimate in estimates}).texts
         xml = one_text(document, texts)
+    # Read the twin back only if it was simulated before.
     read = None
     if validation is not None and scene.bodies:
         read = scene_from_text(texts, scene, measured_places(scene, written))

@@ -65,6 +65,7 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
         presses = press(twin, estimate)
         if not presses:
             continue
+        # Word the presses: as measured, or with the interval that they miss.
         forces = ", ".join(f"{one.force:.2g}" for one in presses)
         depths = ", ".join(f"{1e3 * one.depth:.3g}" for one in presses)
         text = f"{name} pressed as by the fingertips with {forces} N gives way by {depths} mm in the twin"

@@ -186,6 +186,7 @@ def require_consistent(
     Raises:
         InputError: one of them is missing or contradicts another.
     """
+    # Require references and options that belong together.
     if wanted == Wanted():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
@@ -201,6 +202,7 @@ def require_consistent(
             raise InputError(f"{name}= goes with camera=SOURCE")
     if wanted.plot is not None and wanted.plot.exists():
         raise InputError(f"'{wanted.plot}' exists already: choose another plot=")
+    # A real arm has no bench.
     if settings.robot is not None and settings.scene is None:
         raise InputError(
             "a real arm needs a scene=D.xml that says where it, the weight and the gauges stand"

@@ -237,7 +237,7 @@ def _eye(
 
     # Build the simulated camera on the first picture, when the world of the visit exists.
     def shoot() -> NDArray[np.uint8]:
-        """A picture of the world as it is now, with the tag in it."""
+        """Take a picture of the world in its present state, with the tag."""
         assert session.cell is not None
         footage = session.cell.footage()
         assert footage is not None

@@ -136,9 +136,11 @@ class GainBelief:
     covariance: Array
 
     def after(self, corrected: Array) -> GainBelief:
-        """Compose with gains `corrected` (7,) by which the readings were already corrected:
+        """Compose with gains `corrected` (7,):
 
-        1 + g = (1 + corrected) (1 + mean)
+            1 + g = (1 + corrected) (1 + mean)
+
+        The readings were already corrected by them.
         """
         # The covariance scales with the derivative of the composition, 1 + corrected.
         larger = 1.0 + corrected

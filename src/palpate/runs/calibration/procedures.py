@@ -147,6 +147,7 @@ def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
     Raises:
         InputError: there is none.
     """
+    # Take the named surface, or all surfaces that state that height.
     heights = {n: b.known["height"][0] for n, b in scene.surfaces.items() if "height" in b.known}
     if known.name is not None:
         return (reference(heights, known, "height", "m", "surface"),)
@@ -165,6 +166,7 @@ def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind
     Raises:
         InputError: there is none, or the scene states another size for it.
     """
+    # A named reference must exist; without a name it must be the only one.
     if known.name is not None and known.name not in stated:
         raise unknown_name(kind, known.name, stated, f"It must state its {what}.")
     if known.name is None and len(stated) != 1:

@@ -206,6 +206,7 @@ def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -
         InputError: one of the tests fails.
     """
     side = "above" if apart > 0 else "below"
+    # Height against the certificate, with the prior of the arm's own height.
     tests = [
         chi_squared(
             "gauge",

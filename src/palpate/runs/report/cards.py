@@ -104,6 +104,7 @@ def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str)
         (name, with_spread(part.value, part.std, part.unit or unit))
         for name, part in estimate.parts.items()
     ]
+    # Windows and charts need the trace.
     windows: list[RecordingEntry] = []
     if trace is not None:
         windows = [evidence(recording, trace) for recording in estimate.evidence]

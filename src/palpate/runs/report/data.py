@@ -69,30 +69,30 @@ class EstimateWithTruth:
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class ReportData:
-    """Everything that the page shows. A section without data is left out.
+    """Content of the page. A section without data is left out.
 
     Attributes:
         request: the sentence; None when only a scene was given.
         status: of the run, as in `result.json`.
         plan: with `tree` None when the request was rejected.
-        world: where it ran, in words.
+        world: place of the execution.
         parameters: known and missing quantities of the scene.
         poses: of objects, by sight and touch.
         measured: the estimates.
-        findings: why the plan did not pass the check, one line each.
+        findings: findings of the check on the plan, one line each.
         trace: None when nothing was executed.
-        stopped_by: why the robot stopped early.
-        held: what the fingers held then, and what became of it.
+        stopped_by: reason of an early stop.
+        held: object in the fingers at the stop, and its whereabouts.
         robot_seconds: duration of the execution, robot time.
         total_seconds: wall time from the start of the command to this page.
         workspace, before, after: PNG or JPEG.
-        seen: PNG of what a camera saw before the plan.
+        seen: PNG of a look of a camera before the plan.
         video: MP4, played `video_speed` times faster than robot time.
-        `video_believed`: rendered from the trace, not seen by a camera.
+        video_believed: rendered from the trace, not seen by a camera.
         twin_diff: unified diff from the user's MJCF to the twin.
         twin_checks: label to value, e.g. the residual of the replayed measurement.
         held_out: predictions of motions that were left out of the fits.
-        proof: what the twin is good for.
+        proof: tasks planned with the twin.
         twin_notes: remarks about the twin.
         versions: name to version.
         seed, noise: of a simulated world.
@@ -186,7 +186,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
 
 
 def _repeating(settings: Settings, folder: Path) -> str:
-    """Command that repeats the run of a folder, from there."""
+    """Command that repeats the run of a folder, relative to that folder."""
     return shlex.join(reproducing(with_seen_poses(settings, folder), folder))
 
 

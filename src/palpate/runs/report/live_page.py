@@ -236,6 +236,7 @@ class _Player:
         drawn: DrawnBodies,
     ) -> None:
         self._tree, self._trace, self._cell, self._drawn = tree, trace, cell, drawn
+        # Pose the cell by the trace; the slider has the time since its beginning.
         self._replay = Replay(cell, trace)
         self._last = max(float(trace.t[-1] - trace.t[0]), STEP)
         self._playing = threading.Event()

@@ -87,6 +87,7 @@ class Access:
         others."""
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
+            # Refuse before viser sees the request.
             reason = self.refusal(request)
             if reason is not None:
                 text = f"{reason}\n".encode()
@@ -96,6 +97,7 @@ class Access:
             response = answer(connection, replace(request, path="/"))
             if response is None:
                 return None
+            # Add script and headers to the answer, and correct its length.
             script = FOLLOW_COLOUR_SCHEME.encode()
             body = response.body.replace(b"</head>", script + b"</head>", 1)
             headers = Headers({**dict(response.headers), **HEADERS})
@@ -181,6 +183,7 @@ class DrawnBodies:
 
 def _surface(model: mujoco.MjModel, geom: int) -> Surface | None:
     """Make a geom's surface in its own frame; None for height fields and signed distance fields."""
+    # MuJoCo states half sizes, trimesh full ones.
     x, y, z = (float(value) for value in model.geom_size[geom])
     match Type(int(model.geom_type[geom])):
         case Type.mjGEOM_MESH:

@@ -179,6 +179,7 @@ def write_report(path: Path, data: ReportData) -> None:
 
 def render_report(data: ReportData) -> str:
     """Render the page's HTML."""
+    # Prepare cards, tree and first failure, which several sections use.
     made = cards(data.measured, data.trace)
     tree = branches(data.plan, data.trace)
     failure = first_failure(tree)

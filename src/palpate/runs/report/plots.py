@@ -50,6 +50,7 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
         times += trace.samples.t[[0, -1]].tolist()
     start, end = (min(times), max(times)) if times else (0.0, 1.0)
     return {
+        # Four groups of traces, on three vertical axes.
         "data": [
             *force_traces(trace.samples),
             *height_traces(trace),
@@ -237,6 +238,7 @@ def _shape(kind: str, start: float, end: float, bottom: float, **style: Any) -> 
 def window_names(windows: Mapping[Recording, str], span: float) -> list[Figure]:
     """Place a name above each window, on the first of three lines where it overlaps no other."""
     taken_until = [-np.inf] * 3
+    # Greedy placement in order of time; a name that fits nowhere shares the last line.
     out: list[Figure] = []
     for recording, name in sorted(windows.items(), key=lambda item: item[0].start):
         line = min(first_free_lane(taken_until, recording.start), len(taken_until) - 1)

@@ -324,6 +324,7 @@ def branch_of(node: Node, path: str, runs: Mapping[str, LeafRun], end: float) ->
 
 
 def leaf_branch(primitive: str, label: str, run: LeafRun | None, end: float) -> Branch:
+    # The vocabulary here may lack a primitive of the plan.
     group = summary = ""
     if (declared := vocabulary().primitives.get(primitive)) is not None:
         group, summary = declared.group, declared.summary()

@@ -56,6 +56,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     Raises:
         RuntimeError: OpenGL failed.
     """
+    # Prefer the user's picture, then the planner's, then the stored one, then a rendering.
     workspace = run.picture or taken.workspace
     if run.settings.images:
         workspace = png(load_image(run.settings.images[0]))

@@ -79,6 +79,7 @@ class Scenario:
             if path.exists():
                 fields[field] = path
         fields |= changes
+        # Replace the name of a recorded plan by its file.
         kind, _, name = fields["planner"].partition("replay:")
         if not kind and name in self.plans:
             fields["planner"] = f"replay:{self.plans[name]}"
@@ -111,6 +112,7 @@ def scenario(name: str) -> Scenario:
 
 def _read(name: str) -> Scenario:
     file = ROOT / name / "scenario.yaml"
+    # Bundled files are trusted: only missing keys have defaults.
     content: dict[str, Any] = yaml.safe_load(file.read_text(encoding="utf-8"))
     planner: str = content.get("planner", "symbolic")
     if planner.startswith("replay:"):  # a recorded answer is a file of the scenario
