@@ -231,8 +231,8 @@ class CalibrationViews:
         """Matrix (7, u) from the unknowns to the step of the reported camera pose and log focal
         length.
 
-        The reported pose is relative to the nominal base. For a static camera, the mean arm error
-        is therefore subtracted.
+        The reported pose is relative to the nominal base. For a static camera, the rigid part of
+        the arm error is therefore subtracted.
         """
         found = np.eye(self.unknowns)[CAMERA]
         if not self.on_hand:

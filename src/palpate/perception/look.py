@@ -166,7 +166,7 @@ class Seen:
     def content(self) -> dict[str, Any]:
         """Content of a poses.yaml."""
         poses = {**self.surfaces, **self.poses}
-        # The median suppresses single bad detections.
+        # Surfaces and objects have entries of the same form.
         return {"objects": {name: self._entry(name, pose) for name, pose in poses.items()}}
 
     @property

@@ -134,7 +134,7 @@ def _expose(spec: mujoco.MjSpec) -> None:
     # Sum the diffuse light on a horizontal surface and scale all lamps to the limit.
     shining = [light.diffuse * max(0.0, -light.dir[2]) for light in lights]
     lamps = float(np.max(np.sum([head.diffuse, *shining], axis=0)))
-    # Ambient light counts too, but cannot be dimmed below its minimum.
+    # The lamps share the limit with the ambient light.
     share = (FULL - max(LEAST, float(np.max(head.ambient)))) / max(lamps, 1e-9)
     for light in (head, *lights):
         light.diffuse[:] = min(1.0, max(share, 0.0)) * light.diffuse
@@ -147,7 +147,7 @@ def loose_things(spec: mujoco.MjSpec) -> Array:
     These are the bodies with a free joint, else those with a look other than a table's, else all.
     """
     model = spec.compile()
-    # Fixed furniture is recognised by its look.
+    # Without free joints, the bodies with a look other than room or table count as loose.
     others = [name for name, look in looks_in(spec).items() if look not in (LAB, TABLE)]
     return _extent(model, _free_bodies(model) or others)
 

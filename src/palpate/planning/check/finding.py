@@ -133,7 +133,7 @@ class CheckedPlan:
         quantity = catalogue()[parameter.quantity]
         if self.scene is None or parameter.object not in self.scene.bodies:
             return True
-        # Quantities of the gripper are allowed for any object in it.
+        # Quantities of the gripper are allowed for any body.
         return quantity.subject in (self.scene.bodies[parameter.object].role, GRIPPER)
 
     def is_known(self, parameter: Parameter) -> bool:

@@ -139,7 +139,7 @@ def _offsets(symbols: Symbols) -> Iterator[str]:
     groups: dict[str, list[str]] = {}
     for name in symbols.own_offsets:
         groups.setdefault(_vectors(symbols, f"{name}_pose"), []).append(name)
-    # Places and surfaces have the offsets of the world or of their body.
+    # Poses of subjects without individual offsets are listed by name.
     places = [
         name for name in symbols.poses if symbols.subjects.get(name) not in symbols.own_offsets
     ]

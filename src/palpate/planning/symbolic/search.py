@@ -179,7 +179,7 @@ class Backchainer:
 
         Blocking objects are carried away first and put back last.
         """
-        # An object without support would fall on release: reject it.
+        # Reject an object without support: its stated pose is wrong.
         floating = name in self.scene.objects and clear_of_support(
             self.state, name, self.state.pose_of(name)
         )
