@@ -159,7 +159,7 @@ class Stream:
     """
 
     def __init__(self, source: str, intrinsics: Path | None, deep: bool = False) -> None:
-        """Start the camera.
+        """Start the camera and read its pictures in the background.
 
         Raises:
             InputError: no such camera, or no intrinsics.

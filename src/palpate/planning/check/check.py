@@ -137,7 +137,6 @@ def unpassable_regions(
     symbols = case.scene.symbols
     # Between two estimated poses the path is unknown, so a known pose must come between.
     for action in walk.actions:
-        # Both ends estimated: the check cannot bound the path.
         start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
         if start is not None and goal is not None and start != goal:
             message = (

@@ -188,7 +188,7 @@ def _on(upper: Body, lower: Body) -> bool:
 
 def _in(inner: Body, outer: Body) -> bool:
     """True if a body is inside another."""
-    # The centre lies between bottom and top, and above the footprint.
+    # The centre lies between bottom and top, within the footprint.
     x, y, z = _middle(inner)
     between = outer.bottom_z() < z < outer.top_z()
     return inner is not outer and between and outer.covers(x, y)
