@@ -70,6 +70,7 @@ class Camera:
 
     def project(self, point: Array) -> tuple[float, float] | None:
         """Pixel (u, v) of a point (3,) in the world; None behind the camera."""
+        # u = w / 2 - f x / z and v = h / 2 + f y / z, as the view is along -z.
         x, y, z = self.pose_world_camera.local(point)
         if z >= 0:
             return None

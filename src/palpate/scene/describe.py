@@ -169,6 +169,7 @@ class Description:
 
     def why_no_body(self, name: str) -> str:
         """Sentence with the reason why a body of the file is not measured; empty for others."""
+        # Reasons by name of the body; the request may use a part of the name.
         roles = self.roles
         found = {one: f"'{one}' stands still; {AN_OBJECT}" for one in self.refused}
         for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
@@ -242,6 +243,7 @@ def describe(
 def _describe_bodies(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
     found: dict[str, BodyDescription] = {}
     for name, body in roles.bodies.items():
+        # Poses and tops of poses.yaml take precedence over the file's.
         given = poses.objects.get(name)
         approach = poses.places.get(f"{name}_approach")
         found[name] = BodyDescription(
@@ -391,6 +393,7 @@ def _hangs(body: BodyDescription) -> bool:
         return False
     if has_unknown(body.elements.element, "pos"):
         return False
+    # On a surface of open height, the object moves with the measured height.
     below = body.surfaces_below()
     if any(surface.top_is_open for surface in below):
         return False  # its height will be measured, and the object moves with it

@@ -258,6 +258,7 @@ def _own_piece(
     if not near:
         return None
     nearest = min(near, key=lambda piece: _distance(thing, piece, size))
+    # The assignment must be mutual: no other box may be nearer to the region.
     mine = _distance(thing, nearest, size)
     others = [_distance(other, nearest, size) for other in things if other is not thing]
     if mine > reach or min(others, default=np.inf) <= mine:
@@ -268,6 +269,7 @@ def _own_piece(
 def _is_similar_size(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
     """True if a region and an object's box have similar width and height."""
     box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    # Ratios of width and height must be in [ALIKE, 1 / ALIKE].
     ratio = (corners[1] - corners[0]) / (box[1] - box[0])
     return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
 
@@ -301,6 +303,7 @@ def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array)
     """
     if not alike:
         return
+    # State the nearest candidate, so that the model can compare it with its box.
     nearest = min(alike, key=lambda piece: _distance(thing, piece, size))
     box = np.array(nearest.box).reshape(2, 2) / size
     wide, high = 100 * (box[1] - box[0])

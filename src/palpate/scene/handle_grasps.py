@@ -94,6 +94,7 @@ class Geometry:
         top = self.bodies[surface]
         standing: list[Array] = []
         for cloud in self.clouds.values():
+            # On the surface: bottom at its top, and middle over it.
             rests = abs(cloud[:, 2].min() - top.top_z()) < RESTING
             if rests and top.covers(*middle(cloud)):
                 standing.append(cloud)
@@ -146,6 +147,7 @@ def handle_grasp(
     middle = np.concatenate([shape.points for shape in handle]).mean(axis=0)
     way = joint.direction(middle)
     obstacles = [Obstacle.of(points) for points in around]
+    # A grasp from above is preferred.
     above = derive_grasp(arm, handle, obstacles, float(np.arctan2(way[1], way[0])), base)
     if not (above.problem and is_named):
         return above

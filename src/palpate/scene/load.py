@@ -67,6 +67,7 @@ def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
     """
     if scene.refit is not None:
         return scene
+    # Only surfaces that a plan touched, and whose estimate is identified, are moved.
     heights = [Parameter(name, "height") for name in scene.surfaces]
     touched = [one for one in heights if trace.converted(one) is not None]
     found = [one for one in estimate_all(touched, trace, scene.bodies) if one.identified]
@@ -145,6 +146,7 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
     height follows.
     """
     body = scene.bodies[name]
+    # The body and its pose at rest move by the same step: x' = S x, T' = S T S⁻¹.
     there = step @ body.pose_world
     moved = replace(
         body,
@@ -152,6 +154,7 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
         tipped=step @ body.tipped @ step.inverse(),
         covariance=body.covariance if covariance is None else covariance,
     )
+    # Named poses of the body follow; its temporary place keeps x and y.
     rise = (0.0, 0.0, float(there.position[2] - body.pose_world.position[2]))
 
     def to(symbol: str, pose: Pose) -> Pose:
@@ -173,6 +176,7 @@ def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, 
     Bodies are at the poses of `pose_of`. The bottom of an object directly on the surface moves to
     `top`. An object stacked on another one keeps its place on it.
     """
+    # The surface itself rises by the difference of its tops.
     found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
     # In the order of their bottoms, so that a support is raised before the bodies on it.
     for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
@@ -191,6 +195,7 @@ def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     def pose_of(name: str) -> Pose:
         return poses.get(name) or scene.bodies[name].pose_world
 
+    # Subtract the rise of the support of each object.
     found: dict[str, Pose] = {}
     for name, pose in poses.items():
         base = _support(scene, scene.bodies[name], pose_of)
@@ -201,6 +206,7 @@ def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
 
 def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
     """The highest object below and in contact with a body, else the highest such surface."""
+    # An object carries before a surface: a stacked object rests on its neighbour.
     below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
     carriers = [base for base in below if base.role == "object"] or below
     return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)
@@ -266,6 +272,7 @@ def load_scene(
     Raises:
         InputError: malformed XML, entities, missing or escaping files, names that do not match.
     """
+    # Relative file names start at the scene's folder.
     path = Path(path)
     text = read_text(path)
     document = parse_document(text, path.resolve().parent, str(path), root, robot_body)
@@ -303,6 +310,7 @@ def as_world(scene: Scene) -> Scene:
     """
     if not scene.catalogue:
         return scene
+    # Parse the text again: a description without unknowns needs no priors.
     resolved = scene.resolved
     document = reparse(Texts(scene.text), resolved.document)
     return _scene(document, scene.path, resolved.poses, scene.arm, NOTHING)
@@ -319,6 +327,7 @@ def scene_from_text(
         InputError: as `load_scene`.
     """
     texts = Texts(text) if isinstance(text, str) else text
+    # Convert the poses into entries of poses.yaml, which take precedence over the file.
     objects: dict[str, ObjectEntry] = {}
     for name, pose in (elsewhere or {}).items():
         entry = {"pos": pose.position.tolist(), "quat": pose.quaternion.tolist()}
@@ -348,6 +357,7 @@ def rearrange(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
 
 
 def _reread(texts: Texts, like: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
+    # Keep folder and robots of the document, and merge the new entries into its poses.
     document = reparse(texts, like.resolved.document)
     known = like.resolved.poses
     poses = known.model_copy(update={"objects": {**known.objects, **objects}})
@@ -361,6 +371,7 @@ def _scene(
     arm: RobotDescription | None,
     quantities: Catalogue | None,
 ) -> Scene:
+    # Resolve the unknowns first: named poses depend on the completed geometry.
     arm = arm or load_description()
     resolved = resolve(document, poses, catalogue() if quantities is None else quantities)
     bodies = resolved.bodies()

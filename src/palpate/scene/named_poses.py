@@ -159,6 +159,7 @@ def fronts(
     found: dict[str, Array] = {}
     for name in geometry.handles:
         if not points_down(pose := poses[f"{name}_pose"]):
+            # The configuration is at the retreat, not at the handle.
             back = pose.translate(in_hand(pose, offsets[name]["z_offset"]))
             found |= front_of(geometry.arm, name, back, geometry.base)
     return found
@@ -187,6 +188,7 @@ def _lines(
 def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
     """TCP pose above the middle of an object's top, with the yaw of its grasp."""
     cloud = geometry.clouds[name]
+    # Middle of the points at the object's top, seen from above.
     highest = float(cloud[:, 2].max())
     part = cloud[cloud[:, 2] > highest - LEVEL_TOP]
     return Pose.of((*middle(part), highest + APPROACH), pose_world_tcp.quaternion)
@@ -257,6 +259,7 @@ def _put_down_before(
     geometry: Geometry, name: str, poses: Mapping[str, Pose]
 ) -> Iterator[Obstacle]:
     """Yield the objects on an object, at their temporary poses: they are moved away first."""
+    # An object is on another one if its middle is inside, and its bottom at the top.
     low, high = geometry.clouds[name].min(axis=0), geometry.clouds[name].max(axis=0)
     for other, cloud in geometry.clouds.items():
         centre = np.array(middle(cloud))

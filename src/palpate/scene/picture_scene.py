@@ -59,6 +59,7 @@ def fit(
     Raises:
         InputError: no such shape fits; the message addresses the model.
     """
+    # The box alone first: its result is the start of the fit to the outline.
     found = _upright(camera, thing, level, placed)
     if thing.outline is None or placed is not None:
         return found
@@ -197,6 +198,7 @@ def _bottle(values: Array, level: float) -> Array:
 def _cuboid(values: Array, level: float) -> Array:
     """(8, 3) corners of a block."""
     x, y, half, half_depth, half_height, yaw = values
+    # Rotate the footprint by yaw and extrude it from the plane to the top.
     turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
     corners = np.array([x, y]) + _SQUARE * np.array([half, half_depth]) @ turn.T
     return np.concatenate(
@@ -211,6 +213,7 @@ def project_points(camera: Camera, points: Array) -> Array:
     """
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
+    # Pinhole projection with the optical axis through the image centre.
     right = camera.width / 2 + camera.focal * local[:, 0] / depth
     down = camera.height / 2 - camera.focal * local[:, 1] / depth
     return np.column_stack([right, down])
@@ -313,6 +316,7 @@ class SceneBuilder:
     @property
     def symbols(self) -> Symbols:
         """The names in `poses.yaml`, before any detection."""
+        # Grasps straight from above at the given poses, as no shapes are known yet.
         poses: dict[str, Pose] = {}
         subjects: dict[str, str] = {}
         for name, entry in self.poses.objects.items():
@@ -394,6 +398,7 @@ class DetectedScene:
         def refit(name: str, height: float) -> Scene:
             return self.scene({**measured, name: height})
 
+        # Sizes from a picture are uncertain, and contacts may correct them.
         seen = {name: replace(body, seen=True) for name, body in scene.bodies.items()}
         return replace(scene, bodies=seen, refit=refit)
 
@@ -446,6 +451,7 @@ def _mjcf(slabs: Sequence[FittedShape], things: Sequence[FittedShape], poses: Po
             f'      <geom type="box" size="{size}" pos="0 0 {-THICKNESS / 2:g}"/>',
             "    </body>",
         ]
+    # Objects with a free joint; MuJoCo's sizes are half extents.
     for f in things:
         extents = (f.width / 2, f.depth / 2, f.height / 2)
         if f.thing.shape == "cylinder":

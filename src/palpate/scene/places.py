@@ -79,6 +79,7 @@ def free_spot(
 
 def _grid(footing: Array, top: Array, near: Array) -> Array:
     """(n, 2) spots of a grid through `near` at which `footing` is within the box around `top`."""
+    # The footing must stay within the box around the top, and within the search.
     low = np.maximum(top.min(axis=0)[:2] - footing.min(axis=0), near - SEARCH)
     high = np.minimum(top.max(axis=0)[:2] - footing.max(axis=0), near + SEARCH)
     # Multiples of STEP from `near`, so that `near` is itself a candidate.

@@ -68,6 +68,7 @@ class PoseEntry(_Strict):
 
     @model_validator(mode="after")
     def _one_orientation(self) -> PoseEntry:
+        # At most one form of the orientation, and a quaternion that can be normalised.
         if (self.yaw, self.euler, self.quat).count(None) < 2:
             raise ValueError("has more than one of yaw, euler and quat")
         if self.quat is not None and sum(v * v for v in self.quat) < 1e-9:
@@ -76,6 +77,7 @@ class PoseEntry(_Strict):
 
     def body_pose(self) -> Pose:
         """Pose of a body; upright without an orientation."""
+        # A quaternion is complete; yaw is a rotation about z, euler about fixed axes.
         if self.quat is not None:
             return Pose.of(self.pos, self.quat)
         angles = (0.0, 0.0, self.yaw) if self.euler is None and self.yaw is not None else self.euler
@@ -118,6 +120,7 @@ class ObjectEntry(PoseEntry):
         """
         if self.covariance is None:
             return self.std
+        # Larger eigenvalue: (xx + yy) / 2 + sqrt(((xx - yy) / 2)² + xy²).
         (xx, xy, *_), (_, yy, *_), *_ = self.covariance
         return math.sqrt((xx + yy) / 2 + math.hypot((xx - yy) / 2, xy))
 
@@ -169,6 +172,7 @@ def read_poses(path: Path) -> Poses:
 
 def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
     """The poses, with the camera of the arm's robot.yaml if they have none."""
+    # A camera on the hand moves, so its pose is not one of the scene.
     camera = arm.config.camera if arm.config is not None else None
     if poses.camera is not None or camera is None or camera.on_hand:
         return poses
@@ -185,6 +189,7 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
     Raises:
         InputError: not YAML, or not of this form.
     """
+    # An empty file is valid: every section is optional.
     content: Any = plain_yaml(text, where)
     try:
         return Poses.model_validate(content or {})
@@ -219,8 +224,10 @@ def _complaint(invalid: ValidationError) -> str:
     steps = [str(step) for step in first["loc"] if not _FORM.search(str(step))]
     if not steps:
         return f"needs keys: {', '.join(_FORMS)}"
+    # A wrong key at the top gets the closest valid one as a suggestion.
     if steps[0] not in _FORMS:
         return str(unknown_name("key", steps[0], _FORMS))
+    # The kind of error as a predicate, then the expected form of the entry.
     what = {
         "extra_forbidden": "is no key",
         "missing": "is missing",
@@ -249,6 +256,7 @@ def _from_euler(angles: Vector) -> Quaternion:
     import mujoco
     import numpy as np
 
+    # MuJoCo's upper-case sequence is about fixed axes.
     quaternion = np.empty(4)
     mujoco.mju_euler2Quat(quaternion, np.array(angles), "XYZ")
     w, x, y, z = quaternion.tolist()

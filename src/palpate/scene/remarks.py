@@ -176,6 +176,7 @@ def _robots(scene: Scene) -> Iterator[str]:
     roles = scene.resolved.description.roles
     if not roles.robots:
         return
+    # Elements elsewhere in the file that refer to the removed robot go as well.
     removed = removed_with_robots(scene.resolved.document, roles)
     listed = ", ".join(f"{number} {tag}" for tag, number in sorted(removed.items()))
     references = f" With it went what refers to it: {listed}." if listed else ""
@@ -187,6 +188,7 @@ def _robots(scene: Scene) -> Iterator[str]:
 
 def _base(scene: Scene) -> Iterator[str]:
     """Yield remarks on an arm's base that is not stated, or too far from objects."""
+    # Without a site, the base is that of the scene's own robot, or the origin.
     robots = scene.resolved.description.roles.robots
     no_site = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
     if no_site and not robots:
@@ -214,6 +216,7 @@ def _base(scene: Scene) -> Iterator[str]:
 def _others(scene: Scene) -> Iterator[str]:
     """Yield remarks on bodies that are neither objects nor surfaces."""
     roles = scene.resolved.description.roles
+    # Bodies with joints that are not free, of which one may be a robot.
     if roles.ignored:
         advice = ""
         if not roles.robots:
@@ -222,6 +225,7 @@ def _others(scene: Scene) -> Iterator[str]:
             "Neither object nor surface nor robot, as they have joints that are not free: "
             f"{_names(map(_label, roles.ignored))}. {_sentence(AN_OBJECT)}{advice}"
         )
+    # Models that are attached several times share one text.
     copies: list[str] = []
     for attach in roles.copied:
         content = attach.get("body") or attach.get("frame") or attach.get("model") or ""
@@ -254,6 +258,7 @@ def _copies(scene: Scene) -> Iterator[str]:
     description = scene.resolved.description
     copied: list[str] = []
     for name, body in description.bodies.items():
+        # Copies of a body share the text that states their values.
         if any(copy_mark(part) for part in (body.elements.element, *body.elements.through)):
             copied.append(name)
     if copied:
@@ -280,6 +285,7 @@ def _contradictions(scene: Scene) -> Iterator[str]:
 
 
 def _why_nothing(scene: Scene) -> Iterator[str]:
+    # The reasons for an empty list of missing parameters.
     if not scene.objects:
         yield f"There is no object. {_sentence(AN_OBJECT)}"
     if not scene.surfaces:

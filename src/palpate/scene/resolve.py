@@ -67,6 +67,7 @@ class ResolvedScene:
 
     def complete_values(self, priors: Values, values: Values) -> dict[Parameter, tuple[float, ...]]:
         """Return `values` and, for the other parameters of `priors`, prior means given `values`."""
+        # Priors that depend on given values are computed again.
         merged = {**priors, **values}
         for parameter in merged:
             if parameter not in values:
@@ -203,6 +204,7 @@ def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
         "object",
     ):  # the prior of an object's z depends on its surface
         for body in bodies.values():
+            # Earlier prior means are input for the later ones.
             for quantity in catalogue.of(role) if body.role == role else ():
                 if quantity.status(body) == "missing":
                     prior = quantity.prior(body, means)
@@ -254,6 +256,7 @@ def _state_inertial(
         parameter = Parameter(body.name, quantity.id)
         if parameter not in values:
             continue
+        # Statements are combined later; other changes are used unchanged.
         for change in quantity.write(body, values[parameter], std.get(parameter)):
             if isinstance(change, Statement):
                 statements.append(change)

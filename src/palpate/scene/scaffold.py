@@ -88,6 +88,7 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
     Raises:
         InputError: too many, a name twice, or not a name.
     """
+    # More objects than places in front of the arm.
     if len(names) > MAX_THINGS:
         raise InputError(
             f"{len(names)} objects are too many to begin with: at most {MAX_THINGS} fit in front of the arm; "
@@ -118,6 +119,7 @@ def identifier(text: str) -> str:
     Raises:
         InputError: no letter first, or too long.
     """
+    # Runs of other characters become one underscore.
     name = re.sub(r"\W+", "_", text.strip()).strip("_")
     if not name or not name[0].isalpha() or len(name) > MAX_NAME:
         raise InputError(
@@ -203,6 +205,7 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
     """
     surface = identifier(surface)
     things = place_objects(names)
+    # One name space for all bodies, as MuJoCo requires.
     if surface in {thing.name for thing in things}:
         raise InputError(f"'{surface}' is the surface's name: give the object another one")
     # The model's name is that of the folder, without characters special to XML.
@@ -226,6 +229,7 @@ def written(folder: Path, texts: Mapping[str, str]) -> None:
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():
+            # Mode x fails if the file appeared in the meantime.
             with (folder / name).open("x", encoding="utf-8") as file:
                 file.write(text)
     except OSError as error:
@@ -236,6 +240,7 @@ def scene_text(model: str, surface: str, things: Sequence[ScaffoldItem]) -> str:
     """MJCF of a surface and the objects on it, all masses missing."""
     text = _HEAD.format(model=model, surface=surface)
     for thing in things:
+        # A known kind gets a common size, any other object a box.
         guess = "A box, for want of a better guess"
         if thing.kind:
             guess = f"A {thing.kind} of common size"

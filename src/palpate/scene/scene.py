@@ -64,11 +64,13 @@ class Scene:
     """Bodies with a slide or hinge joint: drawers, doors, windows."""
 
     def __post_init__(self) -> None:
+        # Views by role, computed once, as the scene is immutable.
         for role in ("object", "surface", "fixture"):
             chosen = {name: body for name, body in self.bodies.items() if body.role == role}
             object.__setattr__(self, f"{role}s", chosen)
 
     def __repr__(self) -> str:
+        # Fixtures are mentioned only if there are any.
         counts = [(len(self.objects), "object"), (len(self.surfaces), "surface")]
         counts += [(len(self.fixtures), "fixture")] if self.fixtures else []
         counted = [f"{number} {noun}{'s' * (number != 1)}" for number, noun in counts]
@@ -113,6 +115,7 @@ class Scene:
         """All parameters that the MJCF does not state, in document order."""
         found: list[Parameter] = []
         for body in self.bodies.values():
+            # The order of the catalogue is the order within a body.
             ids = [id for id in self.catalogue if id in body.missing]
             found += [Parameter(body.name, id) for id in ids]
         return tuple(found)
@@ -135,6 +138,7 @@ class Scene:
         for key in list(spec.keys):
             spec.delete(key)
         base = self.pose_world_base
+        # The robot is attached at a frame of the world at its base.
         frame = spec.worldbody.add_frame(pos=base.position, quat=base.quaternion)
         # Options have no effect on pictures, but MuJoCo warns where the two differ.
         for name in ("timestep", "integrator", "cone", "impratio", "gravity"):

@@ -55,6 +55,7 @@ class PoseExpression:
     terms: tuple[tuple[float, str], ...] = ()
 
     def __str__(self) -> str:
+        # A factor of 1 is not written, and a negative one becomes a minus sign.
         text = self.name
         for coefficient, offset in self.terms:
             sign, size = ("-" if coefficient < 0 else "+"), abs(coefficient)
@@ -63,6 +64,7 @@ class PoseExpression:
 
     def shift(self, offset: str, factor: float) -> PoseExpression:
         """Add `factor` times an offset, the coefficient rounded to hundredths."""
+        # Terms with a coefficient of zero are dropped, so that equal poses have equal texts.
         terms = {name: coefficient for coefficient, name in self.terms}
         terms[offset] = round(terms.get(offset, 0.0) + factor, 2)
         left = [(coefficient, name) for name, coefficient in sorted(terms.items()) if coefficient]
@@ -119,6 +121,7 @@ class Symbols:
     @cached_property
     def usable(self) -> frozenset[str]:
         """Names of all poses that exist: searched poses need free room and must fit the hand."""
+        # Computes all poses on demand, so it is slow the first time.
         found = {name for name in self.later if self._later(name) is not None}
         return frozenset({*self.poses, *self.lines, *found})
 
@@ -212,6 +215,7 @@ class Symbols:
         Raises:
             InputError: unknown, no room for it, or a position outside its line.
         """
+        # Given or derived poses first, then lines, then poses computed on demand.
         if name in self.poses:
             return self.poses[name]
         if name in self.lines:
@@ -239,6 +243,7 @@ class Symbols:
 
     def offset(self, name: str, pose: str) -> Array:
         """Vector (3,) of an offset at a named pose: along tool x, tool y and world z, m."""
+        # Offsets of the subject take precedence over common ones.
         own = self.own_offsets.get(self.subjects.get(pose, ""), {})
         if name in own:
             return own[name]
@@ -258,6 +263,7 @@ class Symbols:
             pose = self._later(name)
             return None if pose is None else to(name, pose)
 
+        # A line moves with its pose.
         lines: dict[str, PoseLine] = {}
         for name, line in self.lines.items():
             lines[name] = replace(line, pose=to(name, line.pose))
@@ -306,6 +312,7 @@ class Symbols:
         """Error for an unknown name of a pose, which guesses among those of the same subject first."""
         of = [known for known in set(self.subjects.values()) if name.startswith(f"{known}_")]
         longest = max(of, key=len, default=None)
+        # Suggest a pose of the body with the longest matching name.
         own = [known for known, subject in self.subjects.items() if subject == longest]
         meant = get_close_matches(name[:80], own, n=1, cutoff=0.0)
         return unknown_name("pose", name, self.names, meant=next(iter(meant), None))
@@ -322,6 +329,7 @@ class Symbols:
 
     def _offset_name(self, written: str) -> str:
         """Full name of an offset: `z_offset` of `z`, `z_off` or `zoff`."""
+        # Try the name as written, then with the usual endings.
         stems = (written, written.removesuffix("_off"), written.removesuffix("off"))
         for candidate in (written, *(f"{stem}_offset" for stem in stems)):
             if candidate in self.offset_names:
@@ -340,6 +348,7 @@ def in_world(base: Pose, shift: Array) -> Array:
         length = float(np.linalg.norm(flat))
         return flat / length if length > 1e-6 else np.zeros(3)  # zero for a vertical axis
 
+    # Components along horizontal unit vectors and the vertical.
     x, y, z = shift
     across, along = level(base.rotation[:, 0]), level(base.rotation[:, 1])
     return across * x + along * y + np.array([0.0, 0.0, z])

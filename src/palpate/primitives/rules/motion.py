@@ -89,7 +89,7 @@ def _judge_carrying(
     held = before.holding
     if held is None:
         return
-    # A tilted object may slip or spill; an object on its support may be dragged off.
+    # Compare the lean with the original vertical, then test the support at the end.
     lean = leaning(before, held, after.pose_of(held))
     if lean > HELD_UPRIGHT and not may_tilt:
         yield Violation(
