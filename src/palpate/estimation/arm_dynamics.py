@@ -118,7 +118,7 @@ class DynamicsFit:
         seconds, held_out: s, duration of the recording and of its held-out part.
         coulomb: N m, Coulomb friction.
         viscous: N m s/rad.
-        armature: kg m², inertia of a joint's own besides the links: of motors, if torque is measured before the gears.
+        armature: kg m², inertia of a joint without its links: that of a motor, if torque is measured before the gears.
         offset: N m, zero error of a sensor.
         links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre.
         parameters: (7, 10) of the corrected links, about their joints' anchors.

@@ -72,7 +72,7 @@ class Bodies:
         own = [next(link for link in chain.links if link.joint == i) for i in range(len(anchors))]
         links = np.array([parameters([o], a) for o, a in zip(own, anchors, strict=True)])
         # Add the bodies fixed to a link, such as a separate flange.
-        for link in chain.links:  # fixed to a link, as a flange of its own
+        for link in chain.links:
             if link not in own and link.joint < len(anchors) - 1:
                 links[link.joint] += parameters([link], anchors[link.joint])
         # The hand: all bodies on the last joint but its own link.

@@ -30,7 +30,7 @@ hand. In the simulation a hammer of 0.34 kg slid by 0.4 mm per radian along the 
 ARM_WEIGHT = 100.0
 """N m per m. Apparent moment at the hand by the arm's own weight, per error of its pose. Sensitive: no."""
 SEEN = 0.05
-"""Relative singular value below which gravity does not show a coordinate in any grasp. Sensitive: no."""
+"""Singular value of the equations' rows below which gravity does not show a coordinate in any grasp. Sensitive: no."""
 COM_PRIOR = 0.25
 """Prior 1 sigma of a coordinate of the centre of mass, as a fraction of the object's extent. Sensitive: com std
 ×0.5–2.0."""
@@ -69,8 +69,8 @@ class Grasps:
 def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Grasps:
     """Set up the equations for the centre of mass c in the body frame, near `about` (3,).
 
-    The moment about the TCP is M = r x (0, 0, F), so that seen from above the load is at r = (-M_y, M_x) / F
-    from the TCP. That point is p + R c in the world, with the position p and the rotation R of the object in the
+    The moment about the TCP is M = r x (0, 0, F). Seen from above, the load is at r = (-M_y, M_x) / F from the
+    TCP. That point is p + R c in the world, with the position p and the rotation R of the object in the
     hand. It gives two rows of R c = TCP + r - p. A tilt of the hand rotates R, so that the component along gravity
     becomes observable.
     """

@@ -1,6 +1,6 @@
 """Design matrix of the sliding force: friction and all other unknowns, one column each.
 
-A row of a drag in direction w (a unit vector), at the position r of the hand and the speed v, follows
+In a row of a drag, w is the direction (a unit vector), r the position of the hand, v the speed:
 
     f_t = mu N                                  friction, the unknown of interest; N is the normal force
         + N (w·θ)                               tilt θ of the support

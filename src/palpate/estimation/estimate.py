@@ -100,7 +100,7 @@ class Bound:
     def moments(self, value: float, std: float) -> tuple[float, float]:
         """Mean and standard deviation of a normal variable, given that it is not below the bound b.
 
-        With alpha = (b - value) / std and the hazard h = pdf(alpha) / (1 - cdf(alpha)) of the standard normal, they
+        Let alpha = (b - value) / std, and h = pdf(alpha) / (1 - cdf(alpha)) the hazard of the standard normal. They
         are value + std h and std sqrt(1 + alpha h - h²) (Johnson, Kotz and Balakrishnan, Continuous Univariate
         Distributions 1, section 10.1).
         """
@@ -258,7 +258,7 @@ class Estimate:
         method: a sentence or two for people on the method and the recordings.
         evidence: recordings that were used, for the report's plots.
         verdict: `identified`; `prior-dominated` where the recordings add little to the prior, or the interval
-            reaches a bound; `contradicted` where a test of fit failed, whatever the estimator stated;
+            reaches a bound; `contradicted` where a test of fit failed, regardless of the estimator;
             `not identified`, without a value. Only an identified value counts as measured.
         parts: further values by name, e.g. `static` and `dynamic`; `components` in `result.json`.
         tests: tests of fit, passed or not.
@@ -444,7 +444,7 @@ class Estimate:
     def physical(self) -> Estimate:
         """Estimate for a twin: a scalar at a bound gets its mean, deviation and interval given the bound.
 
-        A vector stays unchanged, as its components belong together.
+        A vector stays unchanged, because its components belong together.
         """
         bound = self.at_bound[0] if len(self.values) == 1 else None
         if bound is None:

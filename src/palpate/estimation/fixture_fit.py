@@ -367,7 +367,7 @@ def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
 
 
 def _gains(passes: Passes, felt: Array, hand: NominalHand) -> Cause:
-    """Relative errors of the torque sensors, for the measured force `felt` (k,)."""
+    """Relative errors of the torque sensors, for the measured force (k,)."""
     count = int(passes.shown.shape[1])
     columns = (felt[:, None] * passes.shown) @ gain_root(hand, count)
     labels = tuple(f"gain of joint {i + 1}" for i in range(count))

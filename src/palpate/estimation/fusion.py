@@ -174,7 +174,7 @@ def agreement_test(sources: Sequence[Source], mean: Array) -> FitTest:
 
 
 def _make_errors_own(source: Source) -> Source:
-    """Copy of a source whose unnamed errors count as its own, so that two sources may differ by as much."""
+    """Copy of a source with its unnamed errors as own ones, so that two sources may differ by as much."""
     if source.estimate.shared:
         return source
     nothing = Shared("nothing", "arm", (0.0,) * len(source.estimate.stds))

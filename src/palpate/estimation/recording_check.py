@@ -46,7 +46,7 @@ CLAIM_SHARE = 0.02
 """Fraction of the gravity torque, added to `CLAIM_TORQUE`. Sensitive: no wrong arm or unit passes at 0.02 to 0.03."""
 CLAIM_LINKS = (0.03, 3e-3)
 """Error (1 sigma) of a described link: fraction of its mass, and m of its centre. A real Panda passes as an FR3, an
-iiwa 14 does not. Sensitive: no wrong arm or unit passes at half of it, nor at 0.05 and 5 mm."""
+iiwa 14 does not. Sensitive: no wrong arm or unit passes from half of it to 0.05 and 5 mm."""
 CLAIM_GRAVITY = (0.015, 0.015, 0.03)
 """Tolerated fraction of gravity (1 sigma) along each base axis. Real arms show 0.02 horizontally, other arms 0.2 and
 more. Sensitive: no wrong arm or unit passes at twice of it."""

@@ -1,8 +1,11 @@
 """Compliant surface as a spring and damper, fitted to the loading curve; its coefficient of restitution.
 
-The force of a press follows f = f0 + k (z0 - z)+ - m z'' - d z' + s r, with the tip height z and the height z0
-of first contact. f0 is a bias, k the stiffness, m the apparent mass of the arm, d the damping. s is the joint
-friction that acts as the arm comes to rest (r from 0 to 1).
+The force of a press at the tip height z follows
+
+    f = f0 + k max(z0 - z, 0) - m z'' - d z' + s r
+
+f0 is a bias, k the stiffness, z0 the height of first contact, m the apparent mass of the arm. The damping d acts in
+contact only. s is the joint friction as the arm comes to rest (r from 0 to 1).
 """
 
 from __future__ import annotations

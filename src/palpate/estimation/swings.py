@@ -3,7 +3,7 @@
 As the hand rotates to and fro about its TCP, every joint torque oscillates. The weight and inertia of the arm
 and the wrench of the load cause it. About the TCP, the load exerts
 
-    f = m (a + g) + alpha x h + w x (w x h)        n = h x (a + g) + I alpha + w x I w
+    f = m (a + g) + alpha x h + w x (w x h)        n = h x (a + g) + I alpha + w x I w.
 
 Here a is the acceleration of the TCP, w and alpha the angular rate and acceleration of the hand. g is gravity
 (upward, as the force that holds the load), h = m c the first moment, I the inertia about the TCP. The wrench is
@@ -124,8 +124,8 @@ def contrast(
 ) -> Iterator[tuple[SwingResponse, Array, Array, Array]]:
     """Subtract from each loaded swing its empty counterpart; loaded swings without one are skipped.
 
-    Yields the loaded swing, the signals of the load alone (m,), their variance (m,), and the effect of one
-    deviation of each gear unknown on them (m, k).
+    Yields the loaded swing, the signals of the load alone (m,), and their variance (m,). The last item is the effect
+    (m, k) of one deviation of each gear unknown on them.
     """
     every = [*loaded, *empty]
     if not every:

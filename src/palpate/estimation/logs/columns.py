@@ -267,7 +267,7 @@ def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[
             # Columns without an arm's name belong to the named arms.
             families = found[signal].get(name) or ({} if "" in names else found[signal].get("", {}))
             runs = (_run(families[key], columns) for key in sorted(families))
-            # With a map, only its own columns may be more than seven: it alone decides between them.
+            # With a map, inferred columns must be seven: which of more it means is known of its own columns only.
             most = JOINTS if {"q", "tau"} & stated.keys() else len(flat)
             if run := next((run for run in runs if JOINTS <= len(run) <= most), None):
                 best[signal] = run
@@ -322,6 +322,7 @@ def _clocks(found: Arms, arm: str) -> list[LogColumn]:
 def _flat(table: Table) -> Table:
     """Scalar columns: `q[0]` of a wide one; the two parts of a stamp (`sec`, `nanosec`) are joined."""
     flat: dict[str, Array] = {}
+    # Split a vector column, join the two parts of a stamp, and keep scalars.
     for name, values in table.items():
         fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
         coarse = name.removesuffix(fine[2]) + fine[3] if fine else ""
@@ -384,6 +385,7 @@ def _alias(words: list[str]) -> slice | None:
 def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
     """Find the columns that the map states; missing ones are left out."""
     found: dict[str, list[LogColumn]] = {}
+    # A single name may be a column, a slice, or the common part of numbered names; a list has one name a joint.
     for signal in ALIASES:
         stated: str | list[str] | None = getattr(columns, signal)
         if isinstance(stated, str):

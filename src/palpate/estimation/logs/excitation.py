@@ -121,6 +121,7 @@ def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:
             # Refine: smaller and smaller random changes of the best series.
             last = np.array([best.sines, best.cosines])
             shape = last + last.std() * 0.5 * (1.0 - (count - TRIES) / REFINED) * shape
+        # Keep a better conditioned motion if the arm does not touch itself.
         found = search.tried(shape)
         better = best is None or (found is not None and found.condition < best.condition)
         if found is not None and better and search.is_free(found):

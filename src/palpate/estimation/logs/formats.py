@@ -87,6 +87,7 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
         import rosbags  # noqa: F401  # pyright: ignore
     except ImportError:
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
+    # Damaged files raise arbitrary errors, which become one error on the file.
     try:
         with ExitStack() as stack:
             parts, topics, lost = _collect(_messages(path, stack), columns.topic)
@@ -98,6 +99,7 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
         f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
         for topic, (count, reason) in lost.items()
     ]
+    # Check that the stated topic exists, and that some topic has joint states.
     if columns.topic is not None and columns.topic not in topics:
         raise InputError(
             f"{path}: no topic '{columns.topic}';{perhaps(columns.topic, topics)} topics: "
@@ -175,6 +177,7 @@ def _decoder(raw: Raw) -> Decoder:
         return partial(json.loads, object_hook=lambda fields: SimpleNamespace(**fields))
     from rosbags import typesys  # pyright: ignore[reportMissingModuleSource]
 
+    # Register the type definitions of the bag for the decoder.
     form, definition = raw.schema
     if raw.encoding not in ("cdr", "ros1") or form not in ("ros2msg", "ros1msg", "ros2idl", ""):
         raise ValueError(f"unknown encoding '{raw.encoding}' ('{form}'), not cdr, ros1 or json")
@@ -205,6 +208,7 @@ def _numbers(
     message: dict[str, Any], path: str = "", depth: int = 0
 ) -> Iterator[tuple[str, list[str], Any]]:
     """Yield the numeric fields of a message: path, joint names, numbers; a stamp is in s."""
+    # A time stamp of two fields becomes seconds; stamps nested more deeply are skipped.
     fine = {"nanosec", "nsec"} & message.keys()
     if "sec" in message and fine:
         if path.count(".") < 2:
@@ -297,6 +301,7 @@ def read_parquet(path: Path, columns: ColumnMap) -> Table:
         import pyarrow.parquet as parquet  # pyright: ignore[reportMissingModuleSource]
     except ImportError:
         raise Unavailable(f"{path}: Parquet needs pyarrow: pip install 'palpate[logs]'") from None
+    # Bound the unpacked size before the content is read.
     require_regular(path, MAX_PARQUET_BYTES, "a recording of an arm")
     try:
         file: Any = parquet.ParquetFile(path)
@@ -331,6 +336,7 @@ def _episode(path: Path, table: dict[str, Any], wanted: int | None) -> dict[str,
     number = every[0] if wanted is None else wanted
     if number not in every:
         raise InputError(f"{path}: no episode {number}; it has {every[0]} to {every[-1]}")
+    # Keep the rows of the episode.
     rows = table[EPISODE] == number
     return {name: values[rows] for name, values in table.items()}
 
@@ -349,7 +355,7 @@ def _split_named_columns(path: Path, table: dict[str, Any]) -> Table:
     found = dict(table)
     for column, values in table.items():
         stated: Any = features.get(column, {}).get("names")
-        # The names are a list, or a list under a key of its own: {"motors": [...]}.
+        # The names are a list, or a list under its own key: {"motors": [...]}.
         lists: Any = stated.values() if hasattr(stated, "values") else [stated]
         names: list[str] = next(iter(lists), None) or []
         if values.ndim == 2 and len({*names}) == len(names) == values.shape[1]:

@@ -42,7 +42,7 @@ class LogStatistics:
         FigureInterval  # rad, root mean square at `cycles` a turn, as the velocities show it
     )
     shaking: FigureInterval  # root mean square from 8 to 30 Hz, without gravity
-    shaking_left: FigureInterval  # likewise without M ddq of the velocities
+    shaking_left: FigureInterval  # the same without M ddq of the velocities
     drift: FigureInterval  # N m/min
 
     def figures(self) -> dict[str, FigureInterval]:

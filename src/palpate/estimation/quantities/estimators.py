@@ -113,8 +113,8 @@ def estimate_all(
 ) -> tuple[Estimate, ...]:
     """Estimate every parameter, in order, from the valid part of the trace.
 
-    A parameter is `not identified` if it has no recording, if its evidence was incomplete when an action failed or
-    was aborted (`palpate.trace.samples`), or if its estimator fails.
+    A parameter is `not identified` without a recording, or if its estimator fails. The same holds if its evidence was
+    incomplete when an action failed or was aborted (`palpate.trace.samples`).
 
     Args:
         parameters: parameters of the plan.
