@@ -146,6 +146,7 @@ def _parts(
     # Parts may begin at rests only if no touch corrects a pose.
     certain = all(map(_is_certain, scene.bodies.values()))
     places = list(rests(leaves)) if certain else []
+    # Walk through the recordings; each part collects those that no rest separates.
     first, ends, q = 0, 0.0, None
     for before, after in zip(recordings, [*recordings[1:], None], strict=True):
         start = leaves[first].start

@@ -88,6 +88,7 @@ class Comparison(ByParameter[tuple[ComparedEstimate, ...]]):
         """List the parameters with their largest difference from the first run."""
         said: list[str] = []
         for parameter, rows in self.rows.items():
+            # Largest difference over all runs and components.
             apart = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
             far = f" {max(apart):.1f} std apart" if apart else ""
             said.append(f"{parameter}{far}")

@@ -73,6 +73,7 @@ def estimates(
         early = _select_still_valid(ahead.results(), scene, trace)
         found |= {one.parameter: one for each in early.values() for one in each.estimates}
     yield from make(later=())
+    # Judge the complete set, in the plan's order.
     every = [found[one] for one in made.plan.parameters]
     made = replace(made, estimates=(*every, *_unmeasured(made)))
     callbacks.progress("validating the estimates on held-out motions")
@@ -122,6 +123,7 @@ def _select_still_valid(
     """Select the estimates whose evidence is still the same at the end; none of a run that was
     interrupted.
     """
+    # An execution with a failure changes which recordings count as evidence.
     if trace is None or sound(trace) is not trace:
         return {}
     return {
@@ -276,6 +278,7 @@ class Ahead:
             beside: a copy that already runs.
         """
         self._made, self._beside = made, beside
+        # Only objects are estimated ahead, each once.
         of_objects = (one.object for one in made.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in made.scene.objects]
         self._copies: dict[str, Beside[Judged | None]] = {}

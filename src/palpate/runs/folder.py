@@ -249,6 +249,7 @@ def write_twin(run: Run, folder: Path) -> None:
 
 
 def _write_scene(run: Run, folder: Path) -> None:
+    # A run with a camera keeps the poses that the camera saw.
     if run.settings.camera is not None:
         kept = run.scene.resolved.poses.model_dump(mode="json", exclude_defaults=True)
         write_text(folder / POSES, yaml_text(kept))

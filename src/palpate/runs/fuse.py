@@ -151,6 +151,7 @@ def write_fusion(fusion: Fusion, folder: Path) -> None:
 
 def names_of(runs: Sequence[Run]) -> tuple[str, ...]:
     """Names of the runs' folders: their last parts if those differ, else whole paths."""
+    # Prefer short names, as long as they differ.
     short: list[str] = []
     long: list[str] = []
     for i, run in enumerate(runs):
@@ -197,6 +198,7 @@ def _other_world(one: Run, other: Run) -> Iterator[str]:
     priors.
     """
     worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
+    # Two draws are one world only with the same seed.
     drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
     if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
         yield f"their worlds differ ({one.world}, {other.world})"

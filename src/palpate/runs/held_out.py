@@ -190,6 +190,7 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
         for test in motion.tests:
             if test.name in JUDGED:
                 tests[Parameter(motion.object, JUDGED[test.name])] = test
+    # Only identified values can be contradicted.
     found: list[Estimate] = []
     for estimate in estimates:
         test = tests.get(stated_as(estimate.parameter))
@@ -227,6 +228,7 @@ def cut_of(trace: Trace, name: str) -> HoldOut | None:
     """Choose the interval to hold out: the last of several lifts, else the way down after the
     measurement.
     """
+    # Find the lifts in which the object was held still at least once.
     grasps = load_rows(trace, name).grasps
     lifts: list[HoldOut] = []
     # Grasps and releases alternate: every second interval is a lift.

@@ -166,6 +166,7 @@ class Keeper:
     def twin(self, run: Run) -> None:
         """Write the twin into the folder, and to `--twin` unless that file exists."""
         self.tried("twin.xml", lambda at: write_twin(run, at))
+        # An existing file is never overwritten.
         twin, wanted = run.finished, run.settings.twin
         if twin is not None and wanted is not None and not wanted.exists():
             self.tried(str(wanted), lambda _: twin.save(wanted))

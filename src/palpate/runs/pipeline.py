@@ -149,6 +149,7 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
     """
     with interrupts() as signals:
         made, keeper = taken_up(folder), Keeper(folder, signals)
+        # The process ended during the execution: write the trace up to then.
         if made.stage == "executing":
             keeper.trace(made)
             made = replace(made, stage="estimating")
@@ -222,6 +223,7 @@ class _Steps:
         yield made
 
     def _keep(self, samples: Samples, recorder: Recorder) -> None:
+        # A failure of one of these steps must not stop the arm.
         follow, ahead, reel = self.keeper.follow, self.ahead, self.reel
         follow(GROWING, lambda: self.keeper.samples(samples, recorder))
         if ahead is not None:
@@ -236,6 +238,7 @@ class _Steps:
         self.callbacks.measured(made)
 
     def twin(self, made: Run) -> Iterator[Run]:
+        # Validate with the scene that the planner knew: `build_twin` may replace it.
         planned_in = made.scene
         made = build_twin(made, self.callbacks)
         self.keeper.twin(made)

@@ -183,6 +183,7 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
 
 def _rehearsed_before(made: Run) -> Rehearsal | None:
     """Read the rehearsal in the run folder of a replayed plan; None without one."""
+    # Only a replayed plan has such a folder.
     name, _, path = made.settings.planner.partition(":")
     if name != "replay":
         return None
@@ -257,6 +258,7 @@ def _image_files(given: tuple[Path, ...], taken: Sequence[bytes]) -> Generator[t
         yield given
         return
     with TemporaryDirectory() as folder:
+        # Planners read files: write the pictures under fixed names.
         paths: list[Path] = []
         for name, content in zip(("workspace.png", "closer.png"), taken, strict=False):
             paths.append(Path(folder) / name)

@@ -100,6 +100,7 @@ class Predicted:
         Returns:
             The wrench (3,) and its covariance (3, 3).
         """
+        # Information matrix and score of the wrench.
         information = self.design.T @ np.linalg.solve(self.covariance, self.design)
         covariance: Array = np.linalg.inv(information).astype(np.float64)
         solved = np.linalg.solve(self.covariance, self.residual)
@@ -244,7 +245,7 @@ def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, sig
     """Covariance of the arm's errors in n rows, (n, n): noise and drift, horizontal forces, gains,
     friction.
     """
-    # Horizontal force of a tilted support, in proportion to the weight and at least `FLOOR`.
+    # Horizontal force of a tilted support, in proportion to the weight, plus the floor of the noise.
     design = rows.wrench[:, LOAD]
     tilt = TILT * abs(float(wrench.value[0])) + FLOOR
     sideways = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * TORQUE_LEVER])

@@ -73,6 +73,7 @@ class Proved:
 
     def cells(self) -> tuple[str, ...]:
         """Row of a table with `COLUMNS`."""
+        # Where both plans agree, the errors show nothing.
         goal = f"{self._number(self.goal)} {self._symbol}"
         if not self.depends:
             return self.object, self.task, goal, "nothing measured matters", "", ""
@@ -151,6 +152,7 @@ def prove(
     values, _ = values_to_write(scene, stated, {estimate.parameter for estimate in stated})
     objects = [name for name in scene.objects if _acts_on(scene, name, values)]
     fixtures = [name for name in scene.fixtures if _acts_on(scene, name, values)]
+    # Without a measured value both plans are equal.
     if not objects + fixtures:
         raise InputError(
             "there is nothing to prove: no object was measured, nor what it stands on, nor a drawer or a door"

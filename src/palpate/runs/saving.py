@@ -85,6 +85,7 @@ def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> R
     """Write pictures and page of an otherwise finished run; failures are added to its shortfalls."""
     from palpate.runs.report.writing import write_all
 
+    # The charts need the data of the fits, which the folder lacks.
     shown = with_views(replace(made, stage=None))
     shortfalls = write_all(shown, folder, darkroom)
     return replace(made, shortfalls=(*made.shortfalls, *shortfalls))

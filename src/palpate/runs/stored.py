@@ -70,7 +70,7 @@ def is_file(source: object) -> bool:
 
 def planner_name(planner: str | Planner) -> str:
     """Name of a planner, for the settings."""
-    named: Any = planner  # the settings refuse what is neither
+    named: Any = planner  # the settings refuse other types
     return getattr(named, "name", named)
 
 
@@ -149,6 +149,7 @@ class Run(InnerRun):
         """
         from palpate.runs.export import prove_run
 
+        # A saved run keeps its proof and shows it in the report.
         proof = prove_run(self)
         if self.folder is not None:
             pipeline.save_proof(self, self.folder, proof)

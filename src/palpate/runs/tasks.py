@@ -367,6 +367,7 @@ class Steady(JointTask):
         return np.inf if threshold is None else action - threshold
 
     def _passes(self, world: JointTrial, force: float) -> bool:
+        # A constant force, until the handle has passed the distance.
         way, speed = world.run(lambda _: force, lambda _, way, __: way > self.distance)
         return way > self.distance and speed > self.speed
 

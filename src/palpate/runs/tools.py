@@ -101,6 +101,7 @@ def lesson(asked: Settings) -> Lesson:
         InputError: a file that cannot be read.
     """
     assert asked.scene is not None
+    # Begin with the known poses; their other entries are kept unchanged.
     arm, poses = load_description(asked.arm), asked.poses
     loaded = load_scene(asked.scene, poses, arm, root=asked.root)
     said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}

@@ -140,7 +140,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
         model = spec.compile()
     except ValueError as error:
         raise InputError(f"no world has these values: {error}") from None
-    # Bound the duration by a coarser step, and the creep of contacts by a finer tolerance.
+    # Bound the duration by the step. The fine tolerance keeps contacts of curved shapes from pulling.
     model.opt.timestep = max(model.opt.timestep, FINEST)
     model.opt.ccd_tolerance = min(model.opt.ccd_tolerance, CCD_TOLERANCE)
     # Let the object settle.

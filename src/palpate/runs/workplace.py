@@ -198,6 +198,7 @@ def look(
                 f"camera={settings.camera} is a camera of the simulated world: give world=W.xml"
             )
     callbacks.progress("looking")
+    # A camera on the hand needs the pose of the hand, if the robot is a real one.
     robot, found = settings.robot, scene
     seen = seen_from(
         scene,

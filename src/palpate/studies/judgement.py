@@ -43,6 +43,7 @@ def rule(run: Run, task: Scenario, looks: bool) -> Ruling:
     """
     if not run.ready:
         return judge_without_motion(run, task, looks)
+    # A planner without pictures is not blamed for what only a picture shows.
     blind = task.only_seen and not looks
     if task.status == "rejected" and not blind:
         return Ruling("failed", "the arm moved where nothing can be measured")
@@ -151,6 +152,7 @@ def all_objections(
     trace: Trace, expected: Collection[Parameter], may_touch: Collection[str]
 ) -> Iterator[str]:
     """Yield the reasons against a success, the most serious first."""
+    # Failed or stopped actions are the most serious.
     for leaf in trace.leaves:
         if leaf.status != "SUCCESS":
             yield f"{leaf.label} failed: {leaf.message}"[:300]
@@ -175,6 +177,7 @@ def acquired_parameters(trace: Trace, expected: Collection[Parameter]) -> Iterat
     """Yield the converted parameters, and the expected derived ones with a raw force recording."""
     for conversion in trace.conversions:
         yield Parameter(conversion.object, conversion.quantity)
+    # Derived quantities have recordings but no conversion.
     logged = [(r.buffer, r.context) for r in trace.recordings]
     for parameter in expected:
         quantity = catalogue()[parameter.quantity]

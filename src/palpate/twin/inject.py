@@ -240,6 +240,7 @@ def moved_along(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
     """Move bodies that are on a surface of measured height, with its precision."""
+    # Write each z with the precision of the most accurate height.
     heights = [parameter for parameter in values if parameter.quantity == "height"]
     std = min((deviations(records)[parameter] for parameter in heights), default=None)
     for name, rise in at_heights(scene, values).rises.items():

@@ -66,6 +66,7 @@ def weigh_once(
     session: CalibrationSession, scene: Scene, world: Scene | None, name: str, known: Stated
 ) -> None:
     """Weigh the object `name` of a known mass, and correct the gains."""
+    # Plan the weighing as in any run.
     mass = Parameter(name, "mass")
     tree = measuring_tree(scene, (mass,))
     # Slow down the ways from and to the grasp; the first way only leads there from home.
@@ -98,6 +99,7 @@ def gauge(session: CalibrationSession, known: Known) -> None:
     once = drop_leaves(measuring_tree(scene, heights), "Pose2Height")
     plan = calibration_plan((), Node("Sequence", children=(once,) * ROUNDS))
     trace = session.perform(scene, plan, world)
+    # Fit the touches in the frame of the base, as calibrated so far.
     arm = session.arm
     base = arm.stands(scene.pose_world_base)
     found = fit_tips(trace, heights, size, base, arm.reach.stretched)

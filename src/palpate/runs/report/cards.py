@@ -128,6 +128,7 @@ def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str)
 
 def component_intervals(measured: EstimateWithTruth) -> Iterable[IntervalBar]:
     estimate = measured.estimate
+    # A truth of another size cannot be compared component by component.
     truths: Sequence[float | None] = measured.truth or ()
     if len(truths) != len(estimate.values):
         truths = (None,) * len(estimate.values)

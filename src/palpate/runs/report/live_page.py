@@ -71,6 +71,7 @@ class LivePage:
                 self._server = viser.ViserServer(HOST, port, label="palpate", verbose=False)
         except OSError as error:
             raise Unavailable(f"the live page cannot be served: {error}") from None
+        # Never serve without the access controls.
         if not self._access.applied:
             self._server.stop()
             raise Unavailable(f"the live page cannot be guarded with viser {viser.__version__}")

@@ -274,6 +274,7 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
     """Make the plan's tree for the page, from its root."""
     if plan.tree is None:
         return None
+    # Leaves without a run are still waiting.
     runs: dict[str, LeafRun] = {}
     if trace is not None:
         runs = {leaf.node: leaf for leaf in trace.leaves}
