@@ -241,7 +241,10 @@ def _dynamics(
     rms: Mapping[str, Array],
     notes: tuple[str, ...],
 ) -> DynamicsFit:
+    """Convert a fit to the figures of the arm, with their contradictions."""
+
     def figure(name: str) -> JointFigure:
+        """Mean and standard deviation of a cause with one unknown per joint."""
         mean, covariance = found.posterior[name]
         # Coulomb friction needs motion in both directions; the other figures do not.
         shown = reversing | (name != COULOMB)

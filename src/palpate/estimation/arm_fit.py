@@ -178,6 +178,7 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
     weight[-1] += bodies.hand
 
     def static_torque(angles: Array, gravity: Array) -> Array:
+        """Gravity torques (n, 7), N m, of the described arm with its hand."""
         still = np.zeros_like(angles)
         return np.einsum("njlp,lp->nj", regressor(chain, angles, still, still, gravity), weight)
 
@@ -361,6 +362,7 @@ class Assumed:
         return [self._cause(rows, name, level) for name in names]
 
     def _cause(self, rows: SpectrumRows, name: str, level: Array) -> Cause:
+        """Build one cause: columns, prior, and labels of shared errors."""
         # Columns and prior of the links, the hand, sensor gains, and all other causes.
         if name in PARTS:
             columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
@@ -435,6 +437,7 @@ def fit_arm(
     level, felt = np.full(y.shape[1], USUAL_FRICTION), rows
 
     def solve() -> Posterior:
+        """Fit all causes with the present residual and friction level."""
         noise = SpectralNoise(std.ravel(), float(y.size))
         causes = [*loads, *others, *assumed.causes(felt, names, level)]
         return fit(causes, noise, y.ravel(), scales)

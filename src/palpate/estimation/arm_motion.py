@@ -150,6 +150,7 @@ def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
     every = max(1, round(1.0 / (step * CLOCK)))
 
     def even(signal: Array) -> Array:
+        """Signal (n, 7) interpolated to the uniform clock."""
         columns: list[Array] = [np.interp(times, t, column) for column in signal[first:last].T]
         return np.stack(columns, axis=1)
 

@@ -219,4 +219,5 @@ def signal_levers(q: Array, drag: Drag, observed: WrenchObservation, mu: float) 
 
 
 def same_line(line: Array, way: Array) -> bool:
+    """True if two unit vectors lie on one line, in either direction."""
     return abs(float(line @ way)) > SAME_LINE

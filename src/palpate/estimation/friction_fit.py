@@ -315,6 +315,7 @@ def average_over_shares(
 
 
 def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> TangentialForces:
+    """Block means of the tangential force and the design, with the covariance of all noise."""
     force: list[float] = []
     design: list[Array] = []
     noise: list[float] = []

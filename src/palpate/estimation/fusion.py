@@ -198,6 +198,7 @@ def _merge_shared_errors(sources: Sequence[Source], weights: Array) -> tuple[Sha
 
 
 def _method(sources: Sequence[Source], weights: Array, std: Array) -> str:
+    """Describe the sources with their weights, and the shared error."""
     parts: list[str] = []
     for source, weight in zip(sources, weights, strict=True):
         shares = ", ".join(f"{100 * share:.0f} %" for share in weight.tolist())

@@ -171,6 +171,7 @@ def _of_whole(
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDownRecord]:
+    """Yield the end of each grasp after which the hand opened, in order."""
     changes = load_rows(trace, name).grasps
     first = {hold.grasp: hold for hold in reversed(holds)}
     for hold in sorted(first.values(), key=lambda each: each.grasp):
@@ -196,6 +197,7 @@ def swept_angle(trace: Trace, name: str, since: float, until: float) -> float:
 
 
 def _recordings(trace: Trace, name: str, activity: str) -> list[Recording]:
+    """Force recordings of an object held during an activity."""
     return [
         one
         for one in trace.recordings
@@ -226,6 +228,7 @@ def tilted_holds(trace: Trace, name: str) -> Iterator[tuple[Recording, Weighing]
 def tilt_parts(
     trace: Trace, loaded: Recording, empty: Recording
 ) -> Iterator[tuple[Recording, Weighing]]:
+    """Yield the parts that a loaded and an empty tilt share, each with its weighing."""
     # Weigh all parts that both tilts have, in one fit of their noise.
     t, own = trace.samples.t, _parts(trace, empty)
     mine = {kind: rows for kind, rows in _parts(trace, loaded).items() if kind in own}

@@ -130,6 +130,7 @@ class Claim:
         counts = np.diff(np.append(starts, len(blocks)))
 
         def mean(signal: Array) -> Array:
+            """Means of a signal over the blocks."""
             return np.add.reduceat(signal, starts) / counts.reshape(-1, *[1] * (signal.ndim - 1))
 
         # Select the uniform blocks, evenly over time if there are too many.

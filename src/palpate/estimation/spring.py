@@ -260,6 +260,7 @@ class _Curve:
         return self.felt - self.design(first) @ others
 
     def _least_squares(self, design: Array) -> tuple[Array, float]:
+        """Bayesian least squares for a design (m, 5): the unknowns (5,) and the sum of squares."""
         # Normal equations with normal priors.
         precision = np.diag(self.prior**-2.0)
         normal = design.T @ design / self.noise**2 + precision
@@ -442,6 +443,7 @@ def orthogonal_part(known: Array, column: Array) -> Array:
 
 
 def _curve(descent: Descent, onset: Onset, hand: NominalHand) -> _Curve:
+    """Build the loading curve of a descent, with the priors of the unknowns."""
     # Noise, vertical motion, and the degree of rest in contact.
     noise = float(np.hypot(descent.noise, hand.force_resolution))
     samples, rows = descent.samples, _rows(descent, onset, noise)

@@ -249,6 +249,7 @@ def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> Input
 
 
 def _is_arm(signal: str, run: Sequence[LogColumn]) -> bool:
+    """True if a run has the number of columns of one signal of an arm."""
     return len(run) == 1 if signal == "t" else JOINTS <= len(run) < 2 * JOINTS
 
 
@@ -347,6 +348,7 @@ def unit_in(name: str, units: Mapping[str, T]) -> T | None:
 
 
 def _lower(name: str) -> str:
+    """Name in lower case, with camel case split and micro written as u."""
     spaced = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name)
     return re.sub("[µμ]s", "us", spaced).lower()
 
@@ -548,12 +550,14 @@ def _likely_unit(signals: dict[str, Array]) -> Unit:
 
 
 def _finite(signals: dict[str, Array]) -> Mask:
+    """Rows in which all signals are finite."""
     return np.logical_and.reduce(
         [np.isfinite(values).reshape(len(values), -1).all(axis=1) for values in signals.values()]
     )
 
 
 def _forward(signals: dict[str, Array]) -> Mask:
+    """Rows that are later than all rows before them."""
     t = signals["t"]
     before = np.concatenate([[-np.inf], np.maximum.accumulate(t)[:-1]])
     return t > before

@@ -168,6 +168,7 @@ class _Search:
         return None
 
     def _judge_motion(self, found: Excitation) -> Excitation | None:
+        """Evaluate the condition of a motion; None if the hand leaves its workspace."""
         q, dq, ddq = found.sample(self._t)
         chain = self._arm.nominal.chain
         assert chain is not None

@@ -325,6 +325,7 @@ def read_parquet(path: Path, columns: ColumnMap) -> Table:
 
 
 def _episode(path: Path, table: dict[str, Any], wanted: int | None) -> dict[str, Any]:
+    """Rows of one episode of a LeRobot table; other tables stay unchanged."""
     if EPISODE not in table:
         return table
     every = sorted({int(number) for number in table[EPISODE]})

@@ -156,6 +156,7 @@ def noise_file(found: LogStatistics, arm: RobotDescription, name: str, seconds: 
 
 
 def _value(model: Any, place: str) -> Any:
+    """Value at a dotted path of a model; for a random value, its size."""
     for part in place.split("."):
         model = getattr(model, part)
     return model.size if isinstance(model, DrawnValue) else model

@@ -183,6 +183,7 @@ def _check_size(table: Table, path: Path) -> None:
 
 
 def _complete(lines: list[str], split: str) -> bool:
+    """True if no line has an empty cell."""
     return split == " " or not any(
         f"{split}{split}" in line or line.endswith(split) for line in lines
     )

@@ -102,6 +102,7 @@ def trace_of(
 
 
 def _inside(window: Window, end: float, source: str) -> Window:
+    """Clip a window to the log; raise InputError if it lies outside or is too short."""
     start, stop = max(window[0], 0.0), min(window[1], end)
     is_inside = window[0] >= -EDGE and window[1] <= end + EDGE
     if not is_inside or stop - start < SHORTEST:
