@@ -262,7 +262,7 @@ def repeat(
             if parameter not in before or now.reached < FUTILE * before[parameter].reached
         ]
         before = lacking = {parameter: lacking[parameter] for parameter in asked}
-        # Every other round is mirrored, which cancels errors that depend on the side.
+        # Slides of every other round begin on the opposite side: a dragged object lags behind the hand.
         efforts = efforts_for(lacking, scene, done, so_far)
         again = plan_again(efforts, done, plan.planner, mirrored=count % 2 == 1)
         if again is None:

@@ -305,7 +305,7 @@ class Loop:
         fault = self.watched.fault
         if fault is None:
             return None
-        # An entry of its own from the onset of the fault marks all later samples.
+        # A separate entry from the onset of the fault marks all later samples.
         run = LeafRun(
             STOP_NODE,
             "Watch",
@@ -321,7 +321,7 @@ class Loop:
 
     def put_down(self) -> None:
         self.blackboard.failed = False
-        # The stop is a leaf of its own, so that it is checked and recorded like others.
+        # The stop runs as a leaf, so that it is checked and recorded like others.
         down = PrimitiveLeaf(PutDown(), self.blackboard, STOP_NODE)
         try:
             self.tick_to_end(down, PutDown.timeout, self.hold_reason)

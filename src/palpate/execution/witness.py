@@ -370,7 +370,7 @@ def _axis(model: mujoco.MjModel, body: int) -> Array | None:
     # Colliding geoms of the body's whole tree.
     solid = (model.geom_contype | model.geom_conaffinity) > 0
     geoms = np.flatnonzero(solid & (model.body_rootid[model.geom_bodyid] == body)).tolist()
-    # Only a single sphere, cylinder or capsule rolls about an axis of its own.
+    # Only a single sphere, cylinder or capsule rolls.
     kinds = {int(model.geom_type[geom]) for geom in geoms}
     if len(geoms) != 1 or model.geom_bodyid[geoms[0]] != body or not kinds <= {BALL, *REVOLVED}:
         return None

@@ -117,6 +117,7 @@ def _way_of(
     farthest: float,
     is_unsure: bool = False,
 ) -> Way | list[Violation]:
+    """The longest admissible way of at most `farthest` m at the handle, tried by `SHARES`."""
     pose = state.tcp
     lever = max(joint.lever(pose.position), 1e-6)
     # Shorter passes do not show how friction depends on speed.
@@ -136,6 +137,7 @@ def _way_of(
 
 
 def _violations(state: SymbolicState, name: str, way: Way) -> Iterator[Violation]:
+    """Violations of a way: out of reach, the arm collides, or an object is near the fixture."""
     poses = [way.at(share) for share in way.shares]
     if not _bends_along(state, poses):
         problem = f"the arm does not reach as far as the handle of '{name}' would go"
@@ -182,6 +184,7 @@ def _hand_hits(state: SymbolicState, name: str, poses: list[Pose]) -> Iterator[V
 
 
 def _margin(state: SymbolicState, name: str, part: ShapePart, other: ShapePart) -> float:
+    """Least allowed distance of two parts, m."""
     if other.owner == name:
         return -np.inf  # it moves with the hand
     if LINK in (part.kind, other.kind):

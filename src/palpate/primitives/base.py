@@ -134,8 +134,8 @@ class Blackboard:
             zeros from free air.
         mistaken: N, largest force on the hand that errors of the joint torques can imitate at either
             end of the running motion; limited by the carrying reflex.
-        unrepeated: N m, change of the moment about the closing direction when the empty hand turns in
-            place and back, due to joint friction.
+        unrepeated: N m, change of the moment about the closing direction by joint friction, when the
+            empty hand turns in place and back.
         failed: a leaf has failed, and no other may move.
         bound: place and source, as text, of every pose bound in this run and not reported yet.
         choice: names of the conversions' estimators by quantity; others are the defaults.
@@ -359,12 +359,12 @@ class Primitive(BaseModel):
 
     @classmethod
     def summary(cls) -> str:
-        """The docstring: what the primitive does, how to use it safely, and its purpose."""
+        """The docstring: action, safe use and purpose of the primitive."""
         return " ".join((cls.__doc__ or "").split())
 
     @classmethod
     def capability(cls) -> str:
-        """The docstring's first paragraph: what the primitive does and how to use it safely."""
+        """The docstring's first paragraph: action and safe use of the primitive."""
         return " ".join(cleandoc(cls.__doc__ or "").split("\n\n")[0].split())
 
 

@@ -364,8 +364,8 @@ def _weigh(blackboard: Blackboard) -> Wait:
 def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
     """Place along the line of a balance pose, m, and its source as text.
 
-    It is the place nearest to the measured centre of mass, or the believed place if the measurement
-    does not differ from it significantly.
+    It is the place nearest to the measured centre of mass. If the measurement does not differ
+    significantly from the believed place, it is the believed one.
     """
     scene, trace = blackboard.scene, blackboard.recorder.snapshot()
     subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]

@@ -449,6 +449,7 @@ def merge_states(now: SymbolicState, base: SymbolicState, after: SymbolicState) 
 
 
 def _join_field(now: Any, old: Any, new: Any) -> Any:
+    """Field `now` with the changes from `old` to `new`."""
     # Keep entries that other branches added to buffers, logs, conversions and moved objects.
     if isinstance(new, Mapping):
         entries = cast(Mapping[str, object], new)

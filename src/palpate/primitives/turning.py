@@ -2,8 +2,8 @@
 
 At rest, gravity shows the vertical line of a load's centre of mass. A tilt shows the height on that
 line. A turn about the vertical separates the sensors' own error. A swing shows the inertia. Each result
-is a difference from the same motion with the empty hand at the same pose, since the arm's own effects
-are far larger.
+is a difference from the same motion with the empty hand at the same pose. The arm's own effects are far
+larger.
 """
 
 from __future__ import annotations

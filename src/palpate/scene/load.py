@@ -213,6 +213,7 @@ def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
 
 
 def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
+    """True if a body rests on another one, by centre and heights; a surface rests on no object."""
     if other.name == base.name or (other.role, base.role) == ("surface", "object"):
         return False
     pose, below = pose_of(other.name), pose_of(base.name)

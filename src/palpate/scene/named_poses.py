@@ -298,8 +298,8 @@ def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
     """Offsets (3,), m, of an object.
 
-    Along x half of the grasp's slack beyond the pads, along y a quarter of the width, along z a lift
-    that clears the neighbours.
+    Along x it is half of the grasp's slack beyond the pads, along y a quarter of the width. Along z it
+    is a lift that clears the neighbours.
     """
     # At least 5 mm, even if the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)

@@ -244,12 +244,14 @@ def _start(
 
 
 def _cylinder(values: Array, level: float, _: float) -> Array:
+    """(n, 3) points of the rings at foot and top of a cylinder."""
     x, y, radius, half = values
     ring = np.array([x, y]) + radius * _RING
     return np.concatenate([_raise_outline(ring, level), _raise_outline(ring, level + 2 * half)])
 
 
 def _ball(values: Array, level: float, _: float) -> Array:
+    """(n, 3) points on the surface of a ball that touches the plane."""
     x, y, radius = values
     rings: list[Array] = []
     # Rings at several latitudes.

@@ -128,6 +128,7 @@ class ResolvedScene:
         return found
 
     def _body(self, body: BodyDescription) -> Body:
+        """Body of the scene from its description: status of its quantities, geometry, words."""
         # Known values, and quantities that are missing or assumed.
         known: dict[str, tuple[float, ...]] = {}
         others: dict[Status, set[str]] = {"missing": set(), "assumed": set()}

@@ -113,6 +113,7 @@ def arrangement(state: SymbolicState, higher: Mapping[str, float]) -> Arrangemen
 
 
 def _arrangement(shapes: Solids, state: SymbolicState, higher: Mapping[str, float]) -> Arrangement:
+    """Arrangement of all fixed shapes and all objects at their believed poses."""
     # Fixed shapes first, then each object, and its raised copy where it may be higher.
     parts = [ShapePart(geom, "", shapes.owners[geom]) for geom in shapes.fixed.geoms]
     there = [shapes.standing]

@@ -80,6 +80,7 @@ class Boxes:
 
 
 def _radii(halves: Array) -> Array:
+    """(n,) m, radii of the bounding spheres of boxes with half extents (n, 3)."""
     return np.sqrt(np.einsum("ij,ij->i", halves, halves))
 
 
@@ -114,6 +115,7 @@ def box_hits(
 def _box_hits(
     state: SymbolicState, start: Pose, end: Pose, ignoring: Collection[str | None], margin: float
 ) -> list[str]:
+    """Objects that `box_hits` finds, by oriented boxes at samples of the motion."""
     names = [name for name in _nearby(state, start, end) if name not in ignoring]
     if not names:
         return []

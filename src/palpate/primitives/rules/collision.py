@@ -133,6 +133,7 @@ def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterat
 
 
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
+    """Collisions at the believed heights, else at other heights of touched surfaces."""
     found = list(_hits(before, after, higher(before, after)))
     yield from found
     # A collision at the believed heights is enough. Otherwise the motion must suit all heights.
@@ -145,6 +146,7 @@ def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violati
 def _hits(
     before: SymbolicState, after: SymbolicState, rises: Mapping[str, float]
 ) -> Iterator[Violation]:
+    """Collisions of one motion; objects in `rises` are also placed higher, by m."""
     allowed = Allowed.of(before, after)
     reported: set[tuple[str, str]] = set()
     # An unknown opening may be either extreme.
@@ -201,6 +203,7 @@ def _largest(state: SymbolicState) -> float:
 
 
 def _most_doubt(scene: Scene) -> float:
+    """Largest doubt of an object's pose, m."""
     return max((body.doubt for body in scene.objects.values()), default=0.0)
 
 
@@ -219,6 +222,7 @@ def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:
 
 
 def _margin(state: SymbolicState, part: ShapePart, other: ShapePart, allowed: Allowed) -> float:
+    """Least allowed distance of two parts, m; negative or -inf where contact is allowed."""
     name = other.owner
     if name == allowed.left:
         return -np.inf  # the hand was just there

@@ -151,6 +151,7 @@ def _new_sweep(
 
 
 def _carried_load(state: SymbolicState) -> ToolShapes:
+    """Shapes of the hand and the held object, in the tool frame."""
     # The hand with closed fingers is the same in all states: compute it once.
     shapes, held = solids(state.scene), state.pose_tcp_object
     hand = shapes.get_or_compute("hand", lambda: _hand(shapes))
@@ -169,6 +170,7 @@ def _carried_load(state: SymbolicState) -> ToolShapes:
 
 
 def _hand(shapes: Solids) -> ToolShapes:
+    """Shapes of the hand with closed fingers, and the side to which each finger opens."""
     parts = [ShapePart(geom, HAND, HAND) for geom in shapes.hand.geoms]
     found = list(shapes.hand)
     for side, finger in shapes.fingers.items():

@@ -38,6 +38,7 @@ def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
 
 
 def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
+    """Contact of the pads that also holds after a shift of the object by `BITE`."""
     body = shapes.scene.body(name)
     # Cheap test first: the fingers cannot meet an object outside its bounding sphere.
     middle = pose_tcp_object.apply(body.centre)

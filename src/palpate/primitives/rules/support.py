@@ -106,6 +106,7 @@ def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing
 
 
 def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
+    """Place the object's outline at the pose, and find the upper faces below it."""
     shapes, around = solids(state.scene), arrangement(state, {})
     # The footing at the origin is shared by all objects of the same shapes.
     like = shapes.alike[name]

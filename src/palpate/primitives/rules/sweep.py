@@ -1,8 +1,8 @@
 """Sweep: minimum distances of the arm, the hand and the held object along a path.
 
 A path is sampled at moments. Between two moments, a point of a shape travels at most the travel of
-the shape's middle plus its radius times the turn. With relative travel s and distances d0 and d1 at
-both moments, the distance in between is at least (d0 + d1 - s) / 2.
+the shape's middle plus its radius times the turn. With the relative travel s and the distances
+d0 and d1 at both moments, d >= (d0 + d1 - s) / 2 holds in between.
 
 Bounding boxes rule out nearly all pairs, for all moments together. The other pairs are measured
 exactly. Their intervals are halved until the pair is clear or hits (conservative advancement). All
@@ -153,9 +153,9 @@ class Sweep:
         distances in each interval.
         """
         if self.forth is not None:
+            # The way back has the same pairs; bounds and travels are in reverse order.
             pairs, bounds, travels = self.forth._near
             return pairs, bounds[::-1], travels[::-1]
-        # The way back has the same pairs; bounds and travels are in reverse order.
         positions = self.frames.positions
         # Axis-aligned boxes around the whole path of each moving part.
         steps = self._travel(self.frames.part(slice(-1)), self.frames.part(slice(1, None)))
@@ -176,8 +176,7 @@ class Sweep:
     def _doubtful(bounds: Array, travels: Array, margins: Array | float) -> NDArray[np.bool_]:
         """(n - 1, p) mask of the intervals in which pairs may come nearer than their margins.
 
-        With distances d0 and d1 at both ends and the travel s, the least distance in between is at
-        least (d0 + d1 - s) / 2.
+        With the distances d0 and d1 at both ends and the travel s, d >= (d0 + d1 - s) / 2.
         """
         return (bounds[:-1] + bounds[1:] - travels) / 2 < margins
 
@@ -234,6 +233,7 @@ class Sweep:
         return found
 
     def _bounds(self, pairs: Pairs) -> Array:
+        """(n, p) m, distance from each first part's bounding sphere to the second's bounding box."""
         first, second = pairs.T
         # Pairs with static parts come first in `pairs`, then pairs of two moving parts.
         static = int((second >= len(self.moving)).sum())
