@@ -3,8 +3,8 @@
 request + scene + pictures ─► parameters ─► plan ─► (check) ─► tree ─ticks─► trace ─► estimates
 ─► twin + report
 
-The stages are in `palpate.stages`. This module defines their order, and the end of an interrupted
-run.
+The stages are in `planning`, `executing`, `estimating`, `building` and `saving`. This module
+defines their order, and the end of an interrupted run.
 """
 
 from __future__ import annotations

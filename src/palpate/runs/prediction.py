@@ -6,7 +6,7 @@ along the same path, y_0, and from the load's wrench w = (F, M_x, M_y):
     y = X w + E[bias | y_0] + error,   S = cov(bias | y_0) + X cov(w) X^T + gains
 
 The bias of the arm (friction, drift, noise) has the covariance that a weighing assigns to it
-(`estimation.load.equations`). Its part in the signals of the empty hand is subtracted by the
+(`estimation.load_equations`). Its part in the signals of the empty hand is subtracted by the
 conditional normal distribution (Bishop, Pattern Recognition and Machine Learning, section 2.3.1). A
 gain error acts on the belief and on the motion alike: only the difference counts.
 """

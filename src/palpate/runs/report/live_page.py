@@ -4,7 +4,7 @@ button.
 Before a real robot moves, the page shows the plan and asks for confirmation. A finished run can be
 played again.
 
-viser serves the page, on this machine only, at a secret address (`live.access`). Text from
+viser serves the page, on this machine only, at a secret address (`live_shapes.Access`). Text from
 elsewhere (a plan's explanation, names, messages) is escaped: viser's markdown would render HTML in
 it.
 """
