@@ -45,7 +45,8 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path: Path) -> None:
     arm = load_description(f"{write_arm(tmp_path / 'mine')}/")
     assert (arm.name, arm.label, arm.base) == ("mine", "an arm of one's own", "foot")
     assert arm.tip == pytest.approx(0.01)
-    assert arm.hand.palm == load_description().hand.palm, "what it does not say is the FR3's"
+    assert arm.hand.palm == 0.029
+    assert arm.hand.force == load_description().hand.force, "what it does not say is the FR3's"
     assert arm.limits.tau_max[0] == 150
     model = arm.spec().compile()
     assert (model.nq, model.nu, model.nkey, model.nlight) == (9, 0, 0, 0)
