@@ -7,42 +7,36 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli import commands_arms as arms
-from palpate.cli import commands_running as running
-from palpate.cli import commands_scenes as plans
-from palpate.cli import commands_scenes as scenes
-from palpate.cli import commands_scenes as seeing
-from palpate.cli import commands_stored as estimates
-from palpate.cli import commands_stored as stored
+from palpate.cli import commands_arms, commands_running, commands_scenes, commands_stored
 from palpate.cli.command import command
 from palpate.cli.study import app as studies
 from palpate.common.version import __version__
 
 COMMANDS: dict[str, Callable[..., None]] = {
-    "demo": running.demo,
-    "scenarios": scenes.scenarios,
-    "run": running.run,
-    "init": scenes.init,
-    "gap": scenes.gap,
-    "see": seeing.see,
-    "tags": seeing.tags,
-    "plan": plans.plan,
-    "prompt": plans.prompt,
-    "check": plans.check,
-    "execute": running.execute,
-    "report": stored.report,
-    "estimate": estimates.estimate,
-    "fuse": stored.fuse,
-    "compare": stored.compare,
-    "open": stored.open_report,
-    "export": stored.export,
-    "prove": stored.prove,
-    "vocabulary": plans.vocabulary,
-    "dynamics": arms.dynamics,
-    "noise": arms.noise,
-    "calibrate": arms.calibrate,
-    "teach": arms.teach,
-    "doctor": arms.doctor,
+    "demo": commands_running.demo,
+    "scenarios": commands_scenes.scenarios,
+    "run": commands_running.run,
+    "init": commands_scenes.init,
+    "gap": commands_scenes.gap,
+    "see": commands_scenes.see,
+    "tags": commands_scenes.tags,
+    "plan": commands_scenes.plan,
+    "prompt": commands_scenes.prompt,
+    "check": commands_scenes.check,
+    "execute": commands_running.execute,
+    "report": commands_stored.report,
+    "estimate": commands_stored.estimate,
+    "fuse": commands_stored.fuse,
+    "compare": commands_stored.compare,
+    "open": commands_stored.open_report,
+    "export": commands_stored.export,
+    "prove": commands_stored.prove,
+    "vocabulary": commands_scenes.vocabulary,
+    "dynamics": commands_arms.dynamics,
+    "noise": commands_arms.noise,
+    "calibrate": commands_arms.calibrate,
+    "teach": commands_arms.teach,
+    "doctor": commands_arms.doctor,
 }
 
 app = typer.Typer(

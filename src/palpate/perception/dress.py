@@ -13,8 +13,7 @@ import numpy as np
 
 from palpate.common.errors import unknown_name
 from palpate.common.pose import Array
-from palpate.perception import looks as boxes
-from palpate.perception import looks as things
+from palpate.perception import looks
 from palpate.perception.meshes import LookBox, LookPart
 from palpate.perception.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 from palpate.robots.description import PREFIX
@@ -28,23 +27,23 @@ Looks = Mapping[str, str]
 """Looks by body name."""
 
 LOOKS: Mapping[str, Callable[[LookBox, str], list[LookPart]]] = {
-    "ball": things.ball,
-    "block": boxes.block,
-    "board": boxes.board,
-    "bottle": things.bottle,
-    "bowl": things.bowl,
-    "candle": things.candle,
-    "carton": boxes.carton,
-    "cloth": things.cloth,
-    "cup": things.cup,
-    "hammer": things.hammer,
-    "mug": things.mug,
-    "open_box": boxes.open_box,
-    "shut_box": boxes.shut,
-    "soap": things.soap,
-    "table": boxes.table,
-    "thermometer": things.thermometer,
-    "tin": things.tin,
+    "ball": looks.ball,
+    "block": looks.block,
+    "board": looks.board,
+    "bottle": looks.bottle,
+    "bowl": looks.bowl,
+    "candle": looks.candle,
+    "carton": looks.carton,
+    "cloth": looks.cloth,
+    "cup": looks.cup,
+    "hammer": looks.hammer,
+    "mug": looks.mug,
+    "open_box": looks.open_box,
+    "shut_box": looks.shut,
+    "soap": looks.soap,
+    "table": looks.table,
+    "thermometer": looks.thermometer,
+    "tin": looks.tin,
 }
 TABLE = "table"
 """Look of supports. It is fitted to the largest shape alone, the table top without legs."""

@@ -10,8 +10,7 @@ import numpy as np
 
 from palpate.common.parameter import Parameter
 from palpate.common.pose import PoseLine
-from palpate.planning.check import plan_rules as static_rules
-from palpate.planning.check import plan_rules as walk_rules
+from palpate.planning.check import plan_rules
 from palpate.planning.check.finding import CheckedPlan, Finding
 from palpate.planning.check.plan_rules import Fault, objects_displaced_at_end
 from palpate.planning.check.walk import MAX_FINDINGS, Reach, Walk
@@ -191,27 +190,27 @@ def all_findings(case: CheckedPlan, walk: Walk) -> list[Finding]:
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
 
 PLAN_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
-    "unknown-parameter": static_rules.unknown_parameter,
-    "unmeasurable": static_rules.unmeasurable,
-    "duplicate-parameter": static_rules.duplicate_parameter,
-    "known": static_rules.known_parameter,
-    "requested": static_rules.check_request,
-    "unknown-primitive": static_rules.unknown_primitive,
-    "bad-argument": static_rules.bad_argument,
-    "leaf-children": static_rules.leaf_children,
-    "empty-composite": static_rules.empty_composite,
-    "one-owner": static_rules.one_owner,
-    "buffer-unwritten": static_rules.order_of_buffers,
+    "unknown-parameter": plan_rules.unknown_parameter,
+    "unmeasurable": plan_rules.unmeasurable,
+    "duplicate-parameter": plan_rules.duplicate_parameter,
+    "known": plan_rules.known_parameter,
+    "requested": plan_rules.check_request,
+    "unknown-primitive": plan_rules.unknown_primitive,
+    "bad-argument": plan_rules.bad_argument,
+    "leaf-children": plan_rules.leaf_children,
+    "empty-composite": plan_rules.empty_composite,
+    "one-owner": plan_rules.one_owner,
+    "buffer-unwritten": plan_rules.order_of_buffers,
 }
 """Rules on the text of a plan, by id."""
 
 WALK_RULES: Mapping[str, Callable[[CheckedPlan, Walk], Iterable[Fault]]] = {
-    "known": walk_rules.measure_no_stated_value,
-    "redundant": walk_rules.redundant,
-    "untouched": walk_rules.check_touches,
-    "undischarged": walk_rules.parameters_not_measured,
-    "gripper-at-end": walk_rules.gripper_at_end,
-    "not-restored": walk_rules.objects_displaced_at_end,
+    "known": plan_rules.measure_no_stated_value,
+    "redundant": plan_rules.redundant,
+    "untouched": plan_rules.check_touches,
+    "undischarged": plan_rules.parameters_not_measured,
+    "gripper-at-end": plan_rules.gripper_at_end,
+    "not-restored": plan_rules.objects_displaced_at_end,
 }
 """Rules on the symbolic states of a plan, by id."""
 
@@ -219,8 +218,8 @@ COMPLETE_RULES = ("redundant", "undischarged", "gripper-at-end", "not-restored")
 """Rules that apply only if every action is readable."""
 
 REJECTION_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
-    "no-explanation": static_rules.no_explanation,
-    "undischarged": static_rules.promised_without_tree,
+    "no-explanation": plan_rules.no_explanation,
+    "undischarged": plan_rules.promised_without_tree,
 }
 """Rules on a plan without a tree, by id."""
 

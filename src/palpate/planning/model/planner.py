@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, ClassVar
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
-from palpate.planning.model import normal as flat
+from palpate.planning.model import normal
 from palpate.planning.model.answer import Proposal, read_answer
 from palpate.planning.model.conversation import Conversation
 from palpate.planning.model.prompt import Prompt, compose
@@ -89,7 +89,7 @@ class VlmPlanner:
         self.conversation = Conversation(endpoint.name, prompt.system, shown)
         schema = None  # JSON in prose, for every provider
         if settings.native:
-            schema = flat.flat_schema(vocabulary(), with_scene=scene is None)
+            schema = normal.flat_schema(vocabulary(), with_scene=scene is None)
         # Start the session, and find the critic's endpoint before the first request.
         session = ModelSession(endpoint, prompt.system, pictures, schema, settings.budget)
         conversation, critic = self.conversation, critic_endpoint(settings, endpoint)
@@ -141,7 +141,7 @@ class VlmPlanner:
             remeasure=self.remeasure,
         )
         if settings.native:
-            return replace(prompt, order=f"{prompt.order}\n\n{flat.NOTE}")
+            return replace(prompt, order=f"{prompt.order}\n\n{normal.NOTE}")
         return prompt
 
     def judge(

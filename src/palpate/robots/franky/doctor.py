@@ -18,7 +18,7 @@ import numpy as np
 from palpate.common.errors import InputError, PalpateError
 from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
-from palpate.robots.franky import control_box as faults
+from palpate.robots.franky import control_box
 from palpate.robots.franky.control_box import SPOKEN, Address, Call, franky, greet
 from palpate.robots.franky.session import FrankySession, pose_of, require_end_effector
 from palpate.robots.nominal import NominalArm
@@ -115,9 +115,11 @@ def check_arm(
 ) -> Iterator[CheckResult]:
     """Check mode, errors, posture, end effector, kinematics and weight of the arm."""
     state = session.state()
-    problem = faults.of_mode(state)
-    yield CheckResult(problem is None, "mode", problem or faults.MODES[faults.mode_of(state)])
-    errors = faults.errors_of(state)
+    problem = control_box.of_mode(state)
+    yield CheckResult(
+        problem is None, "mode", problem or control_box.MODES[control_box.mode_of(state)]
+    )
+    errors = control_box.errors_of(state)
     cleared = f"{', '.join(errors)}: see what it met, and clear them in Desk"
     yield CheckResult(not errors, "errors", cleared if errors else "none")
     yield check_margins(np.array(state.q), arm)

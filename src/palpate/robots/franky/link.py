@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate.common.errors import Unavailable
 from palpate.common.pose import Array
-from palpate.robots.franky import control_box as faults
+from palpate.robots.franky import control_box
 from palpate.robots.franky.control_box import Call
 from palpate.robots.franky.drive import CycleRow, Drive
 from palpate.robots.franky.session import PERIOD, FrankySession, StateReadout
@@ -182,7 +182,7 @@ class StateListener:
         """Start at the readout's time; `turn` (3, 3) rotates from the base's axes into the world's."""
         self._session, self._readout, self._drive, self._hand = session, readout, drive, hand
         self._turn = turn
-        self.mode = faults.mode_of(readout.state)
+        self.mode = control_box.mode_of(readout.state)
         self.fault: str | None = None
         self.reflex: str | None = None
         self.lost = False
@@ -210,7 +210,7 @@ class StateListener:
         held.
         """
         if self.fault is None:
-            self.fault = why if isinstance(why, str) else faults.of_error(why, self.mode)
+            self.fault = why if isinstance(why, str) else control_box.of_error(why, self.mode)
 
     def taken_up(self) -> None:
         """Continue after a person's recovery."""
@@ -256,11 +256,11 @@ class StateListener:
         try:
             self._session.robot.join_motion(SLICE)
         except Exception as error:
-            self.lost = faults.is_network(error)
+            self.lost = control_box.is_network(error)
             if not self.lost:
                 with suppress(Exception):
                     state = Call(lambda: self._session.robot.state, "palpate mode").result(ANSWERS)
-                    self.mode = faults.mode_of(state)
+                    self.mode = control_box.mode_of(state)
             self.fail(error)
         self._drive.note_end()
 
@@ -276,8 +276,8 @@ class StateListener:
             with self._drive.lock:
                 self._drive.log.append(row)
             self._keep([row])
-        if reason := faults.of_mode(state):
-            self.mode = faults.mode_of(state)
+        if reason := control_box.of_mode(state):
+            self.mode = control_box.mode_of(state)
             self.fail(reason)
 
     def _keep(self, rows: list[CycleRow]) -> None:
@@ -301,7 +301,7 @@ class StateListener:
         if rows:
             self._keep(rows)
             if self.fault is None:
-                self.mode = faults.mode_of(rows[-1].state)
+                self.mode = control_box.mode_of(rows[-1].state)
         # Turn the wrench of a reflex into world axes, and name its reason once.
         reacted = self._drive.reacted
         if reacted is not None and self.reflex is None:

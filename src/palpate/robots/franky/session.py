@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate.common.errors import InputError, Stopped, Unavailable
 from palpate.common.pose import Array, Pose
-from palpate.robots.franky import control_box as faults
+from palpate.robots.franky import control_box
 from palpate.robots.franky.control_box import Address, Call, Late, franky, mode_of, require_answer
 from palpate.robots.franky.drive import CYCLE, CycleRow
 from palpate.robots.nominal import NominalArm, wrenches
@@ -232,7 +232,9 @@ class FrankySession:
             self.abandon()
             raise Unavailable(f"the robot at {self.address} sends no states: {late}") from None
         except Exception as error:
-            raise Unavailable(f"the robot at {self.address}: {faults.of_error(error)}") from error
+            raise Unavailable(
+                f"the robot at {self.address}: {control_box.of_error(error)}"
+            ) from error
 
     def set_thresholds(self, widest: Reflex, torque_max: Any) -> None:
         """Set the control box's own collision thresholds: the outermost limit.
@@ -252,7 +254,7 @@ class FrankySession:
         """
         with suppress(Exception):
             Call(self.robot.recover_from_errors, "palpate recover").result(CONNECTED)
-        if problem := faults.of_mode(self.state()):
+        if problem := control_box.of_mode(self.state()):
             raise Unavailable(f"the robot at {self.address}: {problem}")
 
     def close(self, lost: bool = False) -> None:
@@ -298,7 +300,7 @@ class FrankySession:
             if mode is None and ("UserStopped" in text or "User stopped" in text):
                 mode = "UserStopped"
             if mode is not None:
-                reason = f"{faults.MODES[mode]}: {faults.REMEDIES[mode]}"
+                reason = f"{control_box.MODES[mode]}: {control_box.REMEDIES[mode]}"
                 raise Stopped(
                     f"{where} cannot be used: it is {reason}, or at a terminal, which asks"
                 ) from error
@@ -320,7 +322,7 @@ class Guided:
             state = Call(lambda: session.robot.state, "palpate state").result(ANSWERS)
             fingers = Call(lambda: session.gripper.state, "palpate fingers").result(ANSWERS)
         except Exception as error:
-            raise Unavailable(f"{session.address}: {faults.of_error(error)}") from error
+            raise Unavailable(f"{session.address}: {control_box.of_error(error)}") from error
         return self._base @ pose_of(state.O_T_EE), float(fingers.width)
 
     def close(self) -> None:
