@@ -145,7 +145,7 @@ def see(
         typer.Option(
             "--camera",
             metavar="SOURCE",
-            help="Picture or video, a camera's number, or world:NAME of the simulated world.",
+            help="Picture, video, a camera's number, realsense, or world:NAME of the simulated world.",
         ),
     ],
     given: Annotated[Given, settings(*OF_LOOK)],

@@ -42,7 +42,9 @@ Results = Annotated[
 ]
 Prompts = Annotated[
     list[str] | None,
-    typer.Option("--prompt", metavar="full|lean", help="Which prompt [full]; may be repeated."),
+    typer.Option(
+        "--prompt", metavar="full|lean", help="System prompt, by default full; may be repeated."
+    ),
 ]
 ROUNDS = f"{MODEL}.rounds"
 OfTrials = Annotated[
