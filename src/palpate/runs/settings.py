@@ -81,7 +81,7 @@ class Settings:
     camera: Annotated[
         str | None,
         Option(
-            "Look first, and use the poses seen: picture, video, a camera's number, realsense, or world:NAME of --world.",
+            "Look first, and use the poses seen: picture, video, camera number, realsense, or world:NAME of --world.",
             "SOURCE",
             "Scene",
         ),
