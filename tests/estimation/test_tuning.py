@@ -1,4 +1,4 @@
-"""Every tuning constant of the estimators states its unit and reason."""
+"""Every tuning constant of the estimators states its unit, its reason and how sensitive an estimate is to it."""
 
 import ast
 from pathlib import Path
@@ -8,6 +8,8 @@ import pytest
 from palpate.estimation import regression
 
 ESTIMATION = Path(regression.__file__).parent
+NOT_TUNED = {"Z95", "OUTSIDE"}
+"""Probabilities of intervals."""
 
 
 def constants():
@@ -23,7 +25,9 @@ def constants():
                 yield pytest.param(file, line.lineno, text, id=f"{file.stem}.{line.targets[0].id}")
 
 
-@pytest.mark.parametrize(("file", "row", "text"), constants())
-def test_a_constant_states_unit_and_reason(file, row, text):
-    comment = file.read_text("utf-8").splitlines()[row - 1].partition("#")[2]
-    assert len(text) > 20 or comment.strip()
+@pytest.mark.parametrize(("file", "row", "text"), list(constants()))
+def test_a_constant_states_unit_reason_and_sensitivity(file, row, text):
+    line = file.read_text("utf-8").splitlines()[row - 1]
+    assert len(text) > 20 or line.partition("#")[2].strip()
+    if file.parent == ESTIMATION and line.split()[0] not in NOT_TUNED:
+        assert "ensitiv" in text

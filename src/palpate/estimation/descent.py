@@ -128,8 +128,8 @@ LATE_FORCE = 0.6
 reached before the stop command, whose oscillation would disturb the curve. Hardly sensitive."""
 AT_REST_SHARE = 0.75
 """fraction of the largest force of a press that counts at least as its force at rest. Joint
-friction relaxes as the arm stops and may hide the rest. Of 100 tables at `measured`, four were
-taken for a soft layer 60 to 150 mm too high without it, and one at 0.5."""
+friction relaxes as the arm stops and may hide the rest. Sensitive: of 100 tables at `measured`, four
+were taken for a soft layer 60 to 150 mm too high without it, and one at 0.5."""
 STIFF_SHARE = 0.1
 """fraction of the travel through a soft layer that belongs to the stiff stretch below it. Hardly
 sensitive."""
