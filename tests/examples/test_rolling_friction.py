@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).parents[1] / "quantities" / "rolling"
+PACKAGE = Path(__file__).parents[1] / "estimation" / "quantities" / "rolling"
 RUN = ("--scene", "desk.xml", "--noise", "none", "--out", "run", "--fast")
 SCENE = """<mujoco model="desk"><worldbody>
   <site name="robot_base" pos="0 0 0.3"/>
