@@ -17,8 +17,8 @@ from palpate.mjcf.document import Element, has_unknown
 from palpate.mjcf.elements import Defaults, Elements, Role, has_open_height
 from palpate.mjcf.shapes import Shapes, box_around
 
+# Names of geoms of a fixture, or of bodies around them, that identify its handle.
 HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)
-"""Names of geoms of a fixture, or of bodies around them, that identify its handle."""
 
 
 @dataclass(frozen=True, eq=False)

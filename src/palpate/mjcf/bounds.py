@@ -31,12 +31,9 @@ from palpate.mjcf.document import (
 )
 
 ELEMENTS, REPLICATED, COPIES = "elements", "replicated elements", "elements with all their copies"
-(
-    POINTS,
-    CELLS,
-) = "points of flexible things", "cells of height fields"
+(POINTS, CELLS) = "points of flexible things", "cells of height fields"
 PIXELS, MESHES = "pixels of textures", "bytes of meshes"
-
+# Largest amounts in a scene.
 LIMITS: Mapping[str, int] = {
     ELEMENTS: 10_000,  # a kitchen with its furniture cut into convex pieces has about five thousand
     REPLICATED: 3_000,  # MuJoCo's time for them grows with the square of their number
@@ -46,22 +43,13 @@ LIMITS: Mapping[str, int] = {
     PIXELS: 64_000_000,
     MESHES: 30_000_000,  # each MB takes at most 0.9 s and 60 MB of memory, once hulls are bounded
 }
-"""Largest amounts in a scene."""
-
+# Total bytes of meshes from which their hulls are bounded. qhull needs 0.2 s for the worst mesh of
+# 0.1 MB, but a minute for one of 2 MB: its time grows with the square of the points.
 LARGE_MESHES = 250_000
-"""Total bytes of meshes from which their hulls are bounded. qhull needs 0.2 s for the worst mesh of 0.1 MB,
-but a minute for one of 2 MB: its time grows with the square of the points.
-"""
-
-HULL_POINTS = 2_000
-"""Largest number of points of each bounded hull (MuJoCo's `maxhullvert`)."""
-
-MAX_MEMORY = 512 << 20
-"""Bytes that `<size memory=…>` may reserve."""
-
-MAX_UNPACKED = 300_000_000
-"""Bytes to which one picture may unpack."""
-
+HULL_POINTS = 2_000  # Largest number of points of each bounded hull (MuJoCo's `maxhullvert`)
+MAX_MEMORY = 512 << 20  # Bytes that `<size memory=…>` may reserve
+MAX_UNPACKED = 300_000_000  # Bytes to which one picture may unpack
+# Attributes that set a size, and the largest number in each.
 SIZES: Mapping[str, float] = {
     **dict.fromkeys(("actdim", "dim", "gridlayout", "interval", "nkey", "num"), 1_000),
     **dict.fromkeys(("numquads", "numslices", "numstacks"), 1_000),
@@ -77,22 +65,19 @@ SIZES: Mapping[str, float] = {
     "offsamples": 64,
     "params": 128,
 }
-"""Attributes that set a size, and the largest number in each."""
-
 PNG = b"\x89PNG\r\n\x1a\n"
+# Chunks with deflated content (PNG specification, 3rd edition, section 11).
 _PACKED = (b"IDAT", b"zTXt", b"iTXt", b"iCCP")
-"""Chunks with deflated content (PNG specification, 3rd edition, section 11)."""
+# Largest number of bytes from one byte of deflated data (zlib's Technical Details).
 _DEFLATE_RATIO = 1032
-"""Largest number of bytes from one byte of deflated data (zlib's Technical Details)."""
 _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 << 50, "e": 1 << 60}
+# Bytes per point in a binary mesh file: a triangle of an STL has 50 for three points.
 _POINT_BYTES = 16
-"""Bytes per point in a binary mesh file: a triangle of an STL has 50 for three points."""
-_SDF_BYTES = 1_000_000
-"""Equivalent file size of a mesh made by an SDF plugin, which takes 0.5 s."""
+_SDF_BYTES = 1_000_000  # Equivalent file size of a mesh made by an SDF plugin, which takes 0.5 s
+# Test if MuJoCo gets an element; elements that are removed with a robot are left out.
 Loaded = Callable[[Element], bool]
-"""Test if MuJoCo gets an element; elements that are removed with a robot are left out."""
+# Prefix of MuJoCo's own plugins; other plugins would have to be loaded as code.
 _BUILT_IN = "mujoco."
-"""Prefix of MuJoCo's own plugins; other plugins would have to be loaded as code."""
 
 
 def require_limits(

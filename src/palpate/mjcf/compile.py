@@ -28,12 +28,10 @@ from palpate.mjcf.elements import PLACING, STAND_INS, replace_unknowns
 from palpate.mjcf.roles import Roles
 
 BASE_SITE = "robot_base"
-
+# Assets that are removed with a robot if no other element uses them.
 _ASSETS = ("mesh", "material", "texture", "hfield", "model")
-"""Assets that are removed with a robot if no other element uses them."""
-
+# Sections whose entries refer to other elements; in `<custom>` only tuples do.
 _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable", "custom")
-"""Sections whose entries refer to other elements; in `<custom>` only tuples do."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

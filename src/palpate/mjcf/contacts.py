@@ -30,43 +30,33 @@ from palpate.mjcf.edits import Edit, number
 from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.shapes import RESTING
 
+# Share of an object's weight that counts as negligible: about the accuracy of a measured mass.
 NEGLIGIBLE = 0.01
-"""Share of an object's weight that counts as negligible: about the accuracy of a measured mass."""
+# Share of the weight that is accepted for resistance to motion. This force has opposite signs in
+# passes up and down.
 CANCELLING = 0.05
-"""Share of the weight that is accepted for resistance to motion. This force has opposite signs in passes up
-and down.
-"""
-LIFT, LIFTING = 0.1, 0.1
-"""m and m/s, usual height and speed of a carried object."""
-FRICTIONAL = 3
-"""Least `condim` of a contact with friction."""
-UPWARD = 0.7
-"""Smallest vertical component of the normal of a contact that carries."""
-SAME_TOP = 0.001
-"""m: largest difference in distance of tops that carry an object together."""
+LIFT, LIFTING = 0.1, 0.1  # m and m/s, usual height and speed of a carried object
+FRICTIONAL = 3  # Least `condim` of a contact with friction
+UPWARD = 0.7  # Smallest vertical component of the normal of a contact that carries
+SAME_TOP = 0.001  # m: largest difference in distance of tops that carry an object together
+# kg: mass as which MuJoCo rates both fingertips of palpate's arms in a contact. They have 16
+# points, the corners of two boxes per finger, with 2.98 /kg each. A test compares it with their
+# models.
 FINGERTIPS = 5.37
-"""kg: mass as which MuJoCo rates both fingertips of palpate's arms in a contact. They have 16 points, the
-corners of two boxes per finger, with 2.98 /kg each. A test compares it with their models.
-"""
+# Sliding friction of the fingertips: with a pyramidal cone the stiffness depends on it.
 RUBBER = 1.0
-"""Sliding friction of the fingertips: with a pyramidal cone the stiffness depends on it."""
+# Impedance d of soft contacts. It is small, so that the contact adds no inertia. It cannot be
+# smaller, as the simulation step must be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points.
 IMPEDANCE = 0.1
-"""Impedance d of soft contacts. It is small, so that the contact adds no inertia. It cannot be smaller, as
-the simulation step must be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points.
-"""
+# `solmix` of soft contacts: weight of their impedance against that of other geoms (1).
 DECIDES = "1000000"
-"""`solmix` of soft contacts: weight of their impedance against that of other geoms (1)."""
-SOLIMP = "0.9 0.95 0.001 0.5 2"
-"""MuJoCo's default."""
+SOLIMP = "0.9 0.95 0.001 0.5 2"  # MuJoCo's default
+# m. MuJoCo 4.0.0 inverts the normal of a contact where a curved shape enters a box or a mesh by
+# less than a fifth of this tolerance. The contact then pulls (findings/mujoco_contact_normal.sh).
+# The default is 1e-6 m; a sliding cup enters its support by less.
 CCD_TOLERANCE = 1e-12
-"""m. MuJoCo 4.0.0 inverts the normal of a contact where a curved shape enters a box or a mesh by less than a
-fifth of this tolerance. The contact then pulls (findings/mujoco_contact_normal.sh). The default is 1e-6 m;
-a sliding cup enters its support by less.
-"""
-BALL = 0.01
-"""m: radius of the ball that presses in place of the fingertips."""
-PRESSED = 1e-3
-"""m: depth at which the force of a contact is computed."""
+BALL = 0.01  # m: radius of the ball that presses in place of the fingertips
+PRESSED = 1e-3  # m: depth at which the force of a contact is computed
 
 
 def highest_priority(body: BodyDescription) -> int:

@@ -19,21 +19,13 @@ from palpate.common import files
 from palpate.common.errors import InputError
 
 Element = etree._Element  # pyright: ignore[reportPrivateUsage]
-
-MAX_BYTES = 10_000_000
-"""Largest MJCF file."""
-
-MAX_DEPTH = 200
-"""Deepest nesting of elements. MuJoCo's own models stay below 50."""
-
+MAX_BYTES = 10_000_000  # Largest MJCF file
+MAX_DEPTH = 200  # Deepest nesting of elements. MuJoCo's own models stay below 50.
+# Most bytes of all meshes, textures and height fields of a scene in total.
 MAX_ASSET_BYTES = 200_000_000
-"""Most bytes of all meshes, textures and height fields of a scene in total."""
-
-UNKNOWN = "?"
-"""Placeholder of a number that is to be measured."""
-
+UNKNOWN = "?"  # Placeholder of a number that is to be measured
+# Number of values that a single `?` represents.
 COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6, "range": 2}
-"""Number of values that a single `?` represents."""
 
 
 @dataclass(frozen=True, slots=True)

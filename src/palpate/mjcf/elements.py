@@ -19,27 +19,24 @@ from palpate.mjcf.document import (
 )
 from palpate.mjcf.edits import Edit
 
+# MuJoCo's default sliding, torsional and rolling friction.
 MUJOCO_FRICTION = ("1", "0.005", "0.0001")
-"""MuJoCo's default sliding, torsional and rolling friction."""
-
+# MuJoCo's default friction of a `<pair>`: sliding along two axes, torsional, rolling about two
+# axes.
 MUJOCO_PAIR_FRICTION = "1 1 0.005 0.0001 0.0001"
-"""MuJoCo's default friction of a `<pair>`: sliding along two axes, torsional, rolling about two axes."""
-
+# Attributes of geoms that a defaults class may leave open. Once every element has its own value,
+# these numbers replace the `?`, or the attribute is removed (None).
 INHERITED: Mapping[str, tuple[str, ...] | None] = {
     "mass": None,
     "density": None,
     "friction": MUJOCO_FRICTION,
 }
-"""Attributes of geoms that a defaults class may leave open. Once every element has its own value, these
-numbers replace the `?`, or the attribute is removed (None).
-"""
-
+# Numbers in place of a `?` while models are compiled. Without them an outer class would apply.
 STAND_INS: Mapping[str, tuple[str, ...]] = {
     "mass": ("1",),
     "density": ("1000",),
     "friction": MUJOCO_FRICTION,
 }
-"""Numbers in place of a `?` while models are compiled. Without them an outer class would apply."""
 
 
 def replace_unknowns(
@@ -100,11 +97,9 @@ class Defaults:
 
 
 Role = Literal["object", "surface", "fixture"]
+# Attributes that place a body, a frame or a site.
 PLACING = frozenset({"pos", "quat", "axisangle", "xyaxes", "zaxis", "euler"})
-"""Attributes that place a body, a frame or a site."""
-
-TRANSPARENT = ("frame", "replicate")
-"""Elements that only arrange their content."""
+TRANSPARENT = ("frame", "replicate")  # Elements that only arrange their content
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -35,22 +35,16 @@ from palpate.mjcf.document import (
     spelled_out,
 )
 
-MAX_INCLUDES = 100
-"""Most files that a scene includes, and most models that it attaches."""
-
-MAX_ALL_BYTES = 30_000_000
-"""Most bytes of all of them in total."""
-
+MAX_INCLUDES = 100  # Most files that a scene includes, and most models that it attaches
+MAX_ALL_BYTES = 30_000_000  # Most bytes of all of them in total
+# Root elements of other formats, and their conversion to MJCF.
 CONVERTED = {
     "robot": "URDF; MuJoCo reads it and saves it as MJCF: mj_saveLastXML after "
     "MjModel.from_xml_path",
     "sdf": "SDF; convert it to MJCF first, e.g. with gz-mujoco's sdformat_mjcf",
 }
-"""Root elements of other formats, and their conversion to MJCF."""
-
+# Elements whose files MuJoCo reads while it parses, before it knows the folder.
 _READ_AT_ONCE = ("model", "flexcomp")
-"""Elements whose files MuJoCo reads while it parses, before it knows the folder."""
-
 _FILE_ATTRIBUTES = ("file", "fileright", "fileleft", "fileup", "filedown", "filefront", "fileback")
 
 
@@ -95,32 +89,30 @@ class _Reader:
     """Reader of one scene or attached model, with the size of its files so far."""
 
     folder: Path | None
-    start: Path | None
-    """Folder of the whole scene, resolved."""
-    home: Path | None
-    """The only folder from which files are read; None: any folder near the scene."""
+    start: Path | None  # Folder of the whole scene, resolved
+    home: Path | None  # The only folder from which files are read; None: any folder near the scene
     bytes: int = 0
     asset_bytes: int = 0
     models: int = 0
+    # Files of the attached models that contain this one, its own last.
     within: tuple[Path, ...] = ()
-    """Files of the attached models that contain this one, its own last."""
+    # Folder of the included file that an element came from.
     origins: dict[Element, Path] = field(default_factory=dict[Element, Path])
-    """Folder of the included file that an element came from."""
+    # Texts in place of included files.
     given: Mapping[Path, str] = field(default_factory=dict[Path, str])
-    """Texts in place of included files."""
     index: dict[Element, Place] = field(default_factory=dict[Element, Place])
     texts: dict[Path, str] = field(default_factory=dict[Path, str])
     named: list[Named] = field(default_factory=list[Named])
+    # Attached models by name.
     attachable: dict[str, Document] = field(default_factory=dict[str, Document])
-    """Attached models by name."""
+    # All attached models so far, with the number of models that each attaches. A file is read once,
+    # and counted as often as it is attached.
     attached: dict[Path, tuple[Document, int]] = field(
         default_factory=dict[Path, tuple[Document, int]]
     )
-    """All attached models so far, with the number of models that each attaches. A file is read once, and
-    counted as often as it is attached.
-    """
+    # Assets found in the folder of the included file that names them, relative to `folder`, by
+    # name.
     beside: dict[str, str] = field(default_factory=dict[str, str])
-    """Assets found in the folder of the included file that names them, relative to `folder`, by name."""
 
     def document(self, text: str, where: str) -> Document:
         root = self.parse_text(text, where, self.path)
@@ -340,14 +332,13 @@ def _exists(folder: Path | None, name: str) -> bool:
         return False
 
 
-HOMES = ("/home", "/Users")
-"""Folders of homes: each folder in them is a home."""
+HOMES = ("/home", "/Users")  # Folders of homes: each folder in them is a home
+# System folders of Linux and macOS; of `/usr` and `/var` also each folder in them.
 SYSTEM = (
     *("/bin", "/boot", "/dev", "/etc", "/lib", "/lib64", "/media", "/mnt", "/opt", "/private"),
     *("/proc", "/root", "/run", "/sbin", "/srv", "/sys", "/tmp", "/usr", "/var", "/var/tmp"),
     *("/Applications", "/Library", "/System", "/Volumes"),
 )
-"""System folders of Linux and macOS; of `/usr` and `/var` also each folder in them."""
 
 
 def common(folder: Path, path: Path) -> Path:

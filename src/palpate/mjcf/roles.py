@@ -35,11 +35,9 @@ from palpate.mjcf.elements import (
     through_frames,
 )
 
-NOBODY = "none"
-"""Stated in place of a body's name for a scene without a robot."""
-
+NOBODY = "none"  # Stated in place of a body's name for a scene without a robot
+# Words of a body's name that identify the end of an arm.
 HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
-"""Words of a body's name that identify the end of an arm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -120,8 +118,7 @@ def driven(root: Element) -> frozenset[str]:
 # Roles of a document's elements: objects, surfaces, fixtures and robots.
 
 
-FLOOR = "floor"
-"""Name of a plane without a name."""
+FLOOR = "floor"  # Name of a plane without a name
 
 
 @dataclass(slots=True, eq=False)

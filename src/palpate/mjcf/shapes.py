@@ -22,17 +22,12 @@ from palpate.mjcf.document import Document, Element, elements
 from palpate.mjcf.edits import Edit, Insert
 from palpate.mjcf.roles import Roles
 
-INFINITE_PLANE = 10.0
-"""m: half extent of an infinite plane."""
-
+INFINITE_PLANE = 10.0  # m: half extent of an infinite plane
+# Number of corners of a circle: a multiple of four, so that boxes around round shapes are exact.
 _CIRCLE = 48
-"""Number of corners of a circle: a multiple of four, so that boxes around round shapes are exact."""
-
+# Number of rings of a ball between its poles, and of points on each: odd, and a multiple of four,
+# for the same reason.
 _LATITUDES, _LONGITUDES = 11, 24
-"""Number of rings of a ball between its poles, and of points on each: odd, and a multiple of four, for the
-same reason.
-"""
-
 _TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF))
 
 
@@ -181,8 +176,7 @@ _OUTLINES: dict[int, Callable[[Array], Array]] = {
 }
 
 
-USUAL_DENSITY = 1000.0
-"""kg/m³, MuJoCo's density of a geom that states none."""
+USUAL_DENSITY = 1000.0  # kg/m³, MuJoCo's density of a geom that states none
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -302,8 +296,8 @@ def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Inse
     return Shapes(model, data, ids, tree)
 
 
+# Ancestors of a `<geom>` that is a default, or a wrapping geom of a tendon.
 _NO_GEOMS = ("default", "tendon")
-"""Ancestors of a `<geom>` that is a default, or a wrapping geom of a tendon."""
 
 
 def _name_geoms(tree: ModelTree, roles: Roles) -> dict[Element, str]:
@@ -326,8 +320,7 @@ def _pose(position: Array, matrix: Array) -> Pose:
     return Pose.of(position, quaternion)
 
 
-RESTING = 0.02
-"""m: largest distance of an object's bottom from the top that it rests on."""
+RESTING = 0.02  # m: largest distance of an object's bottom from the top that it rests on
 
 
 def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:

@@ -20,14 +20,11 @@ from palpate.common.parameter import Parameter
 from palpate.common.redaction import redact
 
 T = TypeVar("T")
-
 MAX_BYTES = 1_000_000
+# Maximum depth of nested JSON brackets. A node uses two, so a tree may be about 30 deep.
 MAX_NESTING = 64
-"""Maximum depth of nested JSON brackets. A node uses two, so a tree may be about 30 deep."""
 MAX_NODES = 5000
-MAX_REASON = 120
-"""Maximum number of characters of the explanation in the short form of a plan."""
-
+MAX_REASON = 120  # Maximum number of characters of the explanation in the short form of a plan
 # An unterminated string extends to the end of the text. Otherwise each later quote would be tried
 # as a start, in quadratic time.
 _STRING = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)', re.DOTALL)
@@ -65,10 +62,9 @@ class Node:
         return "\n".join(lines)
 
 
+# Outcome of a request: a tree, or no tree because all is known, nothing is measurable, or the
+# request is ambiguous.
 Outcome = Literal["measure", "nothing_missing", "cannot", "ambiguous"]
-"""Outcome of a request: a tree, or no tree because all is known, nothing is measurable, or the
-request is ambiguous.
-"""
 OUTCOMES: tuple[str, ...] = get_args(Outcome)
 
 

@@ -24,8 +24,7 @@ if TYPE_CHECKING:
 
 
 Rehearse = Callable[[Plan, "Scene"], "Finding | None"]
-MAX_REQUEST = 4_000
-"""Maximum number of characters of a request: a sentence or a paragraph."""
+MAX_REQUEST = 4_000  # Maximum number of characters of a request: a sentence or a paragraph
 
 
 class Planner(Protocol):
@@ -130,8 +129,7 @@ def needs_scene(planner: str) -> InputError:
 # Parameters by name: `bottle.mass`, `bottle.*`, `*.mass`, `missing`. They involve no language.
 
 
-MISSING = "missing"
-"""Name of all missing parameters of the scene."""
+MISSING = "missing"  # Name of all missing parameters of the scene
 HINT = "Give measure=bottle.mass, measure=bottle.*, measure=*.mass or measure=missing."
 
 

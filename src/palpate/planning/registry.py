@@ -144,8 +144,7 @@ def _read(path: Path) -> bytes:
 # Registry of planners: built-in planners, models, and those of other packages.
 
 
-OWN = ("symbolic", "exhaustive")
-"""Planners with plans made by palpate itself."""
+OWN = ("symbolic", "exhaustive")  # Planners with plans made by palpate itself
 
 
 @dataclass(frozen=True, slots=True)

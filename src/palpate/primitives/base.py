@@ -36,26 +36,20 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import Conversion, LeafRun, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
 
+# A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`. It
+# may yield a duration in s of robot time: the next tick may be that late, unless an event happens.
 Steps = Generator[float | None, None, str]
-"""A run: yields once a tick while RUNNING, returns its message on SUCCESS, raises `LeafFailure`.
-
-It may yield a duration in s of robot time: the next tick may be that late, unless an event happens.
-"""
-Wait = Generator[float | None]
-"""Part of a run that only waits."""
-
+Wait = Generator[float | None]  # Part of a run that only waits
 Resource = Literal["arm", "gripper"]
 ARM: frozenset[Resource] = frozenset({"arm"})
 GRIPPER: frozenset[Resource] = frozenset({"gripper"})
-
 Settled = Callable[[str, "Blackboard"], SymbolicState]
-
+# Primitives that fill palpate's own buffers.
 WRITERS = {FORCES: "MeasureForces", POSE: "MeasureGripperPose"}
-"""Primitives that fill palpate's own buffers."""
 
 
+# m, radius about the TCP within which the empty hand makes contact: fingertips, palm and sides.
 HAND = 0.1
-"""m, radius about the TCP within which the empty hand makes contact: fingertips, palm and sides."""
 
 
 class LeafFailure(Exception):

@@ -43,70 +43,50 @@ from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation
 from palpate.scene.load import is_open
 
+# m/s where contact is expected. The force on a rigid surface stays below 45 N (mean over 10 ms),
+# also where the arm's effective mass is largest.
 PROBE_SPEED = 0.012
-"""m/s where contact is expected.
-
-The force on a rigid surface stays below 45 N (mean over 10 ms), also where the arm's effective mass is
-largest.
-"""
+# m/s where contact is possible but not expected yet. It is less than twice the speed of the
+# contact, by which the loading curve is fitted.
 APPROACH_SPEED = 0.020
-"""m/s where contact is possible but not expected yet.
-
-It is less than twice the speed of the contact, by which the loading curve is fitted.
-"""
+# m above a known top in which contact is expected; with an unknown height it is expected
+# everywhere.
 EXPECTED_WITHIN = 0.03
-"""m above a known top in which contact is expected; with an unknown height it is expected everywhere."""
 CONTACT_FORCE = (
     8.0  # N, threshold tau_c of the paper, relative to the force of the motion in free air
 )
+# N, threshold of a firm press. It is used on a soft body, and if the hand tilts at contact. Then
+# one finger alone may be supported, or the arm is slightly out of level and the other finger
+# follows.
 FIRM_FORCE = 30.0
-"""N, threshold of a firm press.
-
-It is used on a soft body, and if the hand tilts at contact. Then one finger alone may be supported,
-or the arm is slightly out of level and the other finger follows.
-"""
+# N to which the pressing force is reduced again. It is below the limit of a hand in contact. It is
+# above the error by joint friction, which reverses with the arm.
 EASED = 10.0
-"""N to which the pressing force is reduced again.
-
-It is below the limit of a hand in contact. It is above the error by joint friction, which reverses
-with the arm.
-"""
+# N, margin to the limit of a hand in contact: three times the repeatability of a force. A rigid
+# body below a soft layer is met with more than the threshold.
 REPEATABLE = 0.5
-"""N, margin to the limit of a hand in contact: three times the repeatability of a force.
-
-A rigid body below a soft layer is met with more than the threshold.
-"""
 RELIEF = 4.0  # N, least unloading of the arm's springs in one easing step
+# Number of easing steps after which the springs are free of `FIRM_FORCE`.
 EASINGS = math.ceil(FIRM_FORCE / RELIEF)
-"""Number of easing steps after which the springs are free of `FIRM_FORCE`."""
+# m/s, half of the probing speed, so that the arm's dampers do not lift it off at the start.
 EASING_SPEED = 0.006
-"""m/s, half of the probing speed, so that the arm's dampers do not lift it off at the start."""
 ASKEW = 3e-4  # rad, tilt at contact: a third of the effect of `CONTACT_FORCE` on one finger
+# m, least travel between half of `CONTACT_FORCE` and all of it on a soft body (8 kN/m or less). A
+# rigid body below it stops the tips within this travel for the whole force: 60 µm/N, tips included.
 SOFT_DEPTH = 5e-4
-"""m, least travel between half of `CONTACT_FORCE` and all of it on a soft body (8 kN/m or less).
-
-A rigid body below it stops the tips within this travel for the whole force: 60 µm/N, tips included.
-"""
+# m/s, speed of pressing into a soft body, from rest. With an arm stiffness of 3000 N/m, the force
+# on a rigid body grows by 18 N/s. `CONTACT_FORCE` then takes 90 samples.
 PRESS_SPEED = 0.006
-"""m/s, speed of pressing into a soft body, from rest.
-
-With an arm stiffness of 3000 N/m, the force on a rigid body grows by 18 N/s. `CONTACT_FORCE` then takes
-90 samples.
-"""
+# m, largest thickness of a cover that is pressed through. The tips go no deeper into a soft body,
+# unless `CONTACT_FORCE` alone presses them.
 THICKEST = 0.03
-"""m, largest thickness of a cover that is pressed through.
-
-The tips go no deeper into a soft body, unless `CONTACT_FORCE` alone presses them.
-"""
+# N, threshold where a free object may be met sideways: the least force that exceeds joint friction.
 SIDE_FORCE = 2.0
-"""N, threshold where a free object may be met sideways: the least force that exceeds joint friction."""
 CONTACT_TORQUE = 3.0  # N m, threshold of the moment: the least that exceeds joint friction
 PROBE_TRAVEL = 0.30  # m, largest travel of a probe
-
+# m, search distance for the exact contact, from the believed end of a probe just before it.
 SEARCHED = 3.0 * FINEST
-"""m, search distance for the exact contact, from the believed end of a probe just before it."""
 TOUCHES = 0.0003  # m, largest distance of two parts in contact
-
 AXES: dict[str, tuple[float, float, float]] = {
     "+x": (1, 0, 0),
     "-x": (-1, 0, 0),

@@ -29,23 +29,17 @@ from palpate.robots.safety import Expectation
 
 TOP = "_top"  # Suffix of the name of the pose above an object's top
 GRIP_SETTLE = 0.1  # s, rest of the fingers on an object before the grasp counts
+# N of both fingers until the object is recognised; a free object withstands it sideways.
 GENTLE = 10.0
-"""N of both fingers until the object is recognised; a free object withstands it sideways."""
+# m by which the opening may be smaller than believed, due to the error of believed shapes. Pads and
+# objects deform by less at `GENTLE`.
 NARROWER = 0.0015
-"""m by which the opening may be smaller than believed, due to the error of believed shapes.
-
-Pads and objects deform by less at `GENTLE`.
-"""
+# m by which the opening may shrink further at the full grasp force. Light and soft objects deform
+# by half of that. An object that is squeezed out yields by its whole width.
 YIELDS = 0.005
-"""m by which the opening may shrink further at the full grasp force.
-
-Light and soft objects deform by half of that. An object that is squeezed out yields by its whole width.
-"""
+# m by which the opening may be larger than believed. An object 10 mm off the middle, which one
+# finger pushes to the other, tilts this much between the pads.
 WIDER = 0.003
-"""m by which the opening may be larger than believed.
-
-An object 10 mm off the middle, which one finger pushes to the other, tilts this much between the pads.
-"""
 
 
 def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:

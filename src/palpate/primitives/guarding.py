@@ -19,47 +19,31 @@ from palpate.robots.robot import Robot
 from palpate.robots.sheet import Reflex, Reflexes
 
 SETTLED_SPEED = 0.003  # m/s
+# rad/s. An arm with a faster joint still moves its elbow, although the TCP is at rest. The joints'
+# friction reverses with that motion. If the arm is folded near its base, the sensed force then
+# changes by newtons. At rest an FR3 reports up to 0.004 rad/s (a recording at 1 kHz).
 CREEPING = 0.01
-"""rad/s. An arm with a faster joint still moves its elbow, although the TCP is at rest.
-
-The joints' friction reverses with that motion. If the arm is folded near its base, the sensed force
-then changes by newtons. At rest an FR3 reports up to 0.004 rad/s (a recording at 1 kHz).
-"""
+# s at rest after which the arm counts as settled, if its wrench is compared with an earlier one.
+# The estimators also use the samples of this window.
 DWELL = 0.3
-"""s at rest after which the arm counts as settled, if its wrench is compared with an earlier one.
-
-The estimators also use the samples of this window.
-"""
 BRIEF = 0.1  # s at rest after which the arm counts as settled, if no wrench is compared
 SETTLE_LIMIT = 3.0  # s
 MEDIAN_TIME = 0.06  # s, duration of the ticks of a median wrench
+# N, change of the contact force that counts as a contact. It is five times the effect of joint
+# friction and sensor bias at the start of a motion.
 MET = 8.0
-"""N, change of the contact force that counts as a contact.
-
-It is five times the effect of joint friction and sensor bias at the start of a motion.
-"""
+# s after the start of a probe: begin and end of its start phase. The arm no longer swings then, and
+# its joints' friction has reversed.
 SETTING_OUT = (0.2, 0.4)
-"""s after the start of a probe: begin and end of its start phase.
-
-The arm no longer swings then, and its joints' friction has reversed.
-"""
+# N, growth of the reaction force during the start phase that counts as contact. At 12 mm/s and an
+# arm stiffness of 3000 N/m, a rigid body presses by 3.6 N more, and a body of 600 N/m by 0.7 N.
 GROWS = 1.0
-"""N, growth of the reaction force during the start phase that counts as contact.
-
-At 12 mm/s and an arm stiffness of 3000 N/m, a rigid body presses by 3.6 N more, and a body of
-600 N/m by 0.7 N.
-"""
+# N/m and N m/m, largest gradient of the free-air wrench with position. It is 1.5 times that of an
+# uncalibrated arm: 15 N/m and 40 N m/m over 12 arms, due to gains, links and friction.
 DRIFT = np.array([20.0, 20.0, 20.0, 60.0, 60.0, 60.0])
-"""N/m and N m/m, largest gradient of the free-air wrench with position.
-
-It is 1.5 times that of an uncalibrated arm: 15 N/m and 40 N m/m over 12 arms, due to gains,
-links and friction.
-"""
+# N and N m, largest total change of the free-air wrench: the drift of an uncalibrated arm over 0.1
+# m. A soft body is pressed by at most this much more than a threshold.
 DRIFT_MOST = np.array([1.5, 1.5, 1.5, 6.0, 6.0, 6.0])
-"""N and N m, largest total change of the free-air wrench: the drift of an uncalibrated arm over 0.1 m.
-
-A soft body is pressed by at most this much more than a threshold.
-"""
 
 
 class WrenchFilter:
@@ -219,44 +203,35 @@ def in_words(force: Array) -> str:
 # Contact during straight motions: guarded spans, lowering, sliding.
 
 
+# N in addition to its weight with which a held object presses on its support when set down.
 SET_DOWN = 10.0
-"""N in addition to its weight with which a held object presses on its support when set down."""
 DOWN = np.array([0.0, 0.0, -1.0])  # World axes
 LOWERINGS = 3  # Largest number of times that an object without full support is lowered further
 WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
+# N, change of that force within 0.1 s which shows that the arm still creeps. The posture of an arm
+# that is folded near its base creeps on after a motion.
 CREEPS = 1.0
-"""N, change of that force within 0.1 s which shows that the arm still creeps.
-
-The posture of an arm that is folded near its base creeps on after a motion.
-"""
 CREEPINGS = 5  # Largest number of waits for the end of the creep
 PRESSES = (
     1.0  # N, first press above the least measurable force: enough remains with the arm at rest
 )
+# Largest ratio of the normal force on a slide to the commanded pressing force. The arm presses
+# harder while it starts and changes its speed (21.3 N for 15 N, simulated FR3, friction 1).
 PEAK = 1.4
-"""Largest ratio of the normal force on a slide to the commanded pressing force.
-
-The arm presses harder while it starts and changes its speed (21.3 N for 15 N, simulated FR3,
-friction 1).
-"""
 CONTACT_SPEED = 0.02  # m/s, speed in contact or where contact is possible
+# Fraction of the force that would turn an object between the pads which a slide may use. The margin
+# is needed since pads creep.
 FIRMLY = 0.8
-"""Fraction of the force that would turn an object between the pads which a slide may use.
-
-The margin is needed since pads creep.
-"""
 LIGHTLY = 3.0  # N, least pressing force: with less, a slide could lift the dragged object
+# Parts of a slide: end as a share of the path, pressing force, N, and largest speed, m/s. The
+# torque sensors resolve this normal force. It rises and falls, so that the arm's friction, or a
+# pull along the path like that of a spring, is not taken for friction of the object. Two speeds
+# separate viscous friction.
 PRESSED = (
     (0.0, LIGHTLY, CONTACT_SPEED),
     (0.5, 15.0, CONTACT_SPEED),
     (1.0, LIGHTLY, 2.0 * CONTACT_SPEED),
 )
-"""Parts of a slide: end as a share of the path, pressing force, N, and largest speed, m/s.
-
-The torque sensors resolve this normal force. It rises and falls, so that the arm's friction, or a
-pull along the path like that of a spring, is not taken for friction of the object. Two speeds
-separate viscous friction.
-"""
 
 
 def span_reflex(of: Reflexes, span: PathSpan, holding: str | None, sets_down: bool) -> Reflex:

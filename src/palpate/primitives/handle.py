@@ -32,12 +32,11 @@ from palpate.robots.safety import Expectation
 from palpate.trace.recording import Activity
 
 AT_HANDLE = 0.005  # m, largest distance of the TCP from a handle's grasp pose at which it is there
+# m/s, speeds of the handle in passes: dry friction is constant, viscous friction grows.
 SPEEDS = (0.02, 0.05, 0.1)
-"""m/s, speeds of the handle in passes: dry friction is constant, viscous friction grows."""
+# N along the way at which a fixture counts as stuck; a door closer resists with 20 to 30 N.
 MOST = 40.0
-"""N along the way at which a fixture counts as stuck; a door closer resists with 20 to 30 N."""
-PRESSED = 30.0
-"""N along the way at which a limit counts as met: friction is less."""
+PRESSED = 30.0  # N along the way at which a limit counts as met: friction is less
 RUN_UP = 0.03  # m in the opposite direction before a fixture is moved against a limit
 BACK = 0.0005  # m from its original place at which a fixture counts as back
 CORRECTIONS = 4  # Largest number of corrections on the way back
@@ -251,12 +250,7 @@ def _let_go(blackboard: Blackboard, way: Way, held: bool) -> Wait:
 
 
 def _pass(
-    blackboard: Blackboard,
-    way: Way,
-    share: float,
-    speed: float,
-    held: bool,
-    to_limit: bool = False,
+    blackboard: Blackboard, way: Way, share: float, speed: float, held: bool, to_limit: bool = False
 ) -> Generator[float | None, None, bool]:
     """Move to a share of the way, and rest; True if a limit stopped it (`to_limit`).
 

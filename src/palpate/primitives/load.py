@@ -14,30 +14,23 @@ import numpy as np
 from palpate.common.pose import Array, Pose
 from palpate.robots.pace import Doubt
 
+# Largest fraction of an object's weight on the fingers when they open. It is the rest of the arm's
+# sag, which relaxes meanwhile.
 BORNE = 0.3
-"""Largest fraction of an object's weight on the fingers when they open.
-
-It is the rest of the arm's sag, which relaxes meanwhile.
-"""
+# m, closing of the fingers that shows slip: the object slides or turns out of them. The pads'
+# compliance is smaller.
 CLOSING = 0.002
-"""m, closing of the fingers that shows slip: the object slides or turns out of them.
-
-The pads' compliance is smaller.
-"""
+# Number of standard deviations for a significant change of the moment, and for the largest weight.
 SURE = 3.0
-"""Number of standard deviations for a significant change of the moment, and for the largest weight."""
 TURNED = 0.15  # N m in addition, since the pads are compliant
+# N, largest weight that cannot be distinguished from zero. Franka states a relative accuracy of 0.8
+# N, and joints stick.
 UNFELT = 1.5
-"""N, largest weight that cannot be distinguished from zero.
-
-Franka states a relative accuracy of 0.8 N, and joints stick.
-"""
+# Largest plausible friction between an object and its support: rubber on dry concrete.
 ROUGHEST = 1.0
-"""Largest plausible friction between an object and its support: rubber on dry concrete."""
+# N, least normal force for a friction coefficient: ten times Franka's relative accuracy.
 PRESSED = 8.0
-"""N, least normal force for a friction coefficient: ten times Franka's relative accuracy."""
 BREAKAWAY = 1.3  # Largest ratio of static to dynamic friction
-
 SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
 
 

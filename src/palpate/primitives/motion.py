@@ -59,12 +59,9 @@ from palpate.robots.safety import Expectation
 from palpate.scene.load import untouchable_reason
 from palpate.trace.recording import pose_name
 
+# m, largest position error at the end of a motion. An impedance-controlled arm with a load of 1.5
+# kg sags by several millimetres. Soft springs may sag by more, as far as the load explains.
 POSITION_TOLERANCE = 0.010
-"""m, largest position error at the end of a motion.
-
-An impedance-controlled arm with a load of 1.5 kg sags by several millimetres. Soft springs may sag by
-more, as far as the load explains.
-"""
 ANGLE_TOLERANCE = np.radians(3.0)  # rad, largest angle error at the end of a motion
 UNDER_WAY = 90.0  # s, timeout of one motion: half a metre at the least speed of a cautious arm
 LEAST_SPEED = 0.01  # m/s, least speed in a plan: below it, some joints stick and slip

@@ -16,10 +16,10 @@ from palpate.estimation.quantities.quantity import Quantity
 from palpate.primitives import contact, gripper, handle, motion, sensing, turning
 from palpate.primitives.base import ConversionPrimitive, Primitive
 
+# Entry-point group of third parties' packages. Each entry names a module.
 GROUP = "palpate.primitives"
-"""Entry-point group of third parties' packages. Each entry names a module."""
+# Modules of palpate's own primitives, in the order of the documentation.
 CORE = (motion, turning, gripper, contact, handle, sensing)
-"""Modules of palpate's own primitives, in the order of the documentation."""
 ABSTRACT = (Primitive, ConversionPrimitive)
 
 

@@ -19,8 +19,7 @@ from palpate.scene.load import apply_measurement, correct_body, moves, raise_sur
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 
-PRECONDITION = "precondition"
-"""Default rule of a primitive's requirements."""
+PRECONDITION = "precondition"  # Default rule of a primitive's requirements
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,13 +48,10 @@ class Violation:
 
 
 T = TypeVar("T")
-
 HOME_CONFIG = "home_config"  # The joint configuration from which every pose is reached safely
+# m. A top up to this height above the TCP counts as below the hand. It is the error of believed
+# heights, which a contact corrects.
 SINKING = 0.05
-"""m. A top up to this height above the TCP counts as below the hand.
-
-It is the error of believed heights, which a contact corrects.
-"""
 RESTORED_POSITION = 0.005  # m, position error at which an object counts as restored
 SAGS = 0.01  # m and rad, largest difference of the reported pose from that of the joint angles
 SAME_POSE = 1e-4  # m and rad up to which two poses are equal

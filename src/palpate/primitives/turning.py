@@ -42,28 +42,21 @@ from palpate.trace.recording import Activity
 
 HOLD = 1.0  # s, rest at each tilt: as long as a weight measurement
 AXES = {"x": np.array([1.0, 0.0, 0.0]), "y": np.array([0.0, 1.0, 0.0])}  # Axes of the tool
+# Frequencies, Hz, and numbers of periods at full amplitude. Two frequencies are needed since the
+# effect of the compliance between pads and object grows with the square of the frequency. Both are
+# below half of the bandwidth of the springs at the TCP. In some seconds the white noise of a joint
+# torque averages to some mN m.
 SWINGS = ((2.0, 8), (4.0, 12))
-"""Frequencies, Hz, and numbers of periods at full amplitude.
-
-Two frequencies are needed since the effect of the compliance between pads and object grows with the
-square of the frequency. Both are below half of the bandwidth of the springs at the TCP. In some
-seconds the white noise of a joint torque averages to some mN m.
-"""
 PRETENDED = 0.5  # Largest fraction of the moment's reflex threshold that joint friction may imitate
+# rad between the tilts that are checked: the wrist is ill-conditioned within 19° of straight.
 STEP = math.radians(12.0)
-"""rad between the tilts that are checked: the wrist is ill-conditioned within 19° of straight."""
 SLACK = 0.9  # Fraction of the turning speed that a swing uses
+# Degrees, turns about the vertical that a planner tries. A quarter turn moves a lever from the
+# first and last joints to the joints that sense it best. A smaller turn gives less evidence.
 TURNS = (90.0, -90.0, 60.0, -60.0)
-"""Degrees, turns about the vertical that a planner tries.
-
-A quarter turn moves a lever from the first and last joints to the joints that sense it best. A
-smaller turn gives less evidence.
-"""
+# rad, largest turn of a joint beyond that of the hand. A larger turn means another branch of the
+# inverse kinematics.
 BENT = math.radians(10.0)
-"""rad, largest turn of a joint beyond that of the hand.
-
-A larger turn means another branch of the inverse kinematics.
-"""
 
 
 def swing_angle(pace: MotionLimits, frequency: float) -> float:
@@ -248,8 +241,7 @@ class Turn(_Turning):
     extra: ClassVar[bool] = True
 
     degrees: Annotated[
-        float,
-        Field(ge=-150.0, le=150.0, description="counterclockwise, seen from above"),
+        float, Field(ge=-150.0, le=150.0, description="counterclockwise, seen from above")
     ] = 90.0
 
     def turns(self, state: SymbolicState) -> list[Array]:

@@ -15,14 +15,9 @@ from palpate.common.files import read_bytes
 from palpate.common.pose import Array, Pose
 from palpate.scene.poses import CameraEntry
 
-MAX_BYTES = 100_000_000
-"""Largest size of a picture file."""
-
-MAX_PIXELS = 64_000_000
-"""Most pixels of a picture."""
-
-MAX_SIDE = 1024
-"""Pixels, longest side after loading; larger pictures are downscaled."""
+MAX_BYTES = 100_000_000  # Largest size of a picture file
+MAX_PIXELS = 64_000_000  # Most pixels of a picture
+MAX_SIDE = 1024  # Pixels, longest side after loading; larger pictures are downscaled
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -62,11 +62,7 @@ def name_words(name: str) -> set[str]:
 
 
 def thing_words(
-    name: str,
-    element: Element,
-    geoms: tuple[Element, ...],
-    defaults: Defaults,
-    shapes: bool = True,
+    name: str, element: Element, geoms: tuple[Element, ...], defaults: Defaults, shapes: bool = True
 ) -> frozenset[str]:
     """Words for the body or geom `name` made of `geoms`, with the names of its parts; `shapes` adds
     `box`, `ball`, …"""
@@ -120,31 +116,18 @@ def _rgb(geom: Element, defaults: Defaults, root: Element) -> tuple[float, float
 
 
 AN_OBJECT = "an object needs a body with a <freejoint/>, and no other joint"
+# Elements with numeric attributes, and their attributes that are not numeric. MuJoCo reads `nan` as
+# absent.
 PHYSICAL, NAMES = ("geom", "inertial", "joint"), ("name", "class", "mesh", "material", "hfield")
-"""Elements with numeric attributes, and their attributes that are not numeric.
-
-MuJoCo reads `nan` as absent.
-"""
-CARRYING = 0.10
-"""m, least width of an empty surface; a narrower static body must carry an object."""
-
+CARRYING = 0.10  # m, least width of an empty surface; a narrower static body must carry an object
+# m, size below which the body under the arm is its mount and no surface, if it carries no object.
 MOUNT = 0.5
-"""m, size below which the body under the arm is its mount and no surface, if it carries no object."""
-
-HANGING = 0.001
-"""m, largest gap between an object and its support at which the object rests on it."""
-
-SECONDS = 0.5
-"""s, simulated time in which objects come to rest; a fall of `RESTING` takes 0.06 s."""
-
-MOST_STEPS = 2_000
-"""Largest number of steps of that simulation, at any timestep of the scene."""
-
+HANGING = 0.001  # m, largest gap between an object and its support at which the object rests on it
+SECONDS = 0.5  # s, simulated time in which objects come to rest; a fall of `RESTING` takes 0.06 s
+MOST_STEPS = 2_000  # Largest number of steps of that simulation, at any timestep of the scene
+# m to the side, and cosine of a turn, that an object may move in that simulation. With a larger
+# motion it falls over or rolls, and keeps the file's pose.
 ASIDE, UPRIGHT = 0.005, float(np.cos(np.radians(3.0)))
-"""m to the side, and cosine of a turn, that an object may move in that simulation.
-
-With a larger motion it falls over or rolls, and keeps the file's pose.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

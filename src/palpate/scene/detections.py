@@ -51,11 +51,8 @@ class FittedShape:
     yaw: float = 0.0
 
 
-RIM = 0.03
-"""m, least margin of a plane around the objects on it."""
-
-FOOT = 0.20
-"""m, radius around the arm's foot: its base extends so far, and its hand stays outside."""
+RIM = 0.03  # m, least margin of a plane around the objects on it
+FOOT = 0.20  # m, radius around the arm's foot: its base extends so far, and its hand stays outside
 
 
 def planes_and_things(
@@ -116,26 +113,17 @@ def widen_slab(slab: FittedShape, standing: Sequence[FittedShape]) -> FittedShap
 # Refinement of detected boxes by pixels: the model's boxes are rough.
 
 
+# Number of robust standard deviations from the table's colour for a pixel of another colour. Six in
+# ten million pixels of a Gaussian distribution are beyond it.
 SPREADS = 5.0
-"""Number of robust standard deviations from the table's colour for a pixel of another colour.
-
-Six in ten million pixels of a Gaussian distribution are beyond it.
-"""
-FINEST = 0.012
-"""Least standard deviation of a colour's share: three steps of 8 bits, as JPEG noise."""
+FINEST = 0.012  # Least standard deviation of a colour's share: three steps of 8 bits, as JPEG noise
+# Brightness limits of the table's shadow and glare, relative to its usual brightness.
 SHADOW, GLARE = 0.35, 1.25
-"""Brightness limits of the table's shadow and glare, relative to its usual brightness."""
-NEAR = 0.12
-"""Search distance around the model's box, relative to the image's diagonal."""
-ALIKE = 0.6
-"""Least ratio of widths and of heights between region and box, in both senses."""
-BARE = 0.05
-"""Largest share of pixels of another colour in a box of bare table."""
-LEAST = 40
-"""Least number of pixels of a region."""
-POINTS = 32
-"""Number of directions in which an outline is sampled."""
-
+NEAR = 0.12  # Search distance around the model's box, relative to the image's diagonal
+ALIKE = 0.6  # Least ratio of widths and of heights between region and box, in both senses
+BARE = 0.05  # Largest share of pixels of another colour in a box of bare table
+LEAST = 40  # Least number of pixels of a region
+POINTS = 32  # Number of directions in which an outline is sampled
 Pixels = NDArray[np.uint8]
 Mask = NDArray[np.bool_]
 Box = tuple[float, float, float, float]
@@ -186,13 +174,7 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
 
 def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]:
     """Connected regions within planes, of another colour than the plane."""
-    from scipy.ndimage import (
-        binary_closing,
-        binary_fill_holes,
-        binary_opening,
-        find_objects,
-        label,
-    )
+    from scipy.ndimage import binary_closing, binary_fill_holes, binary_opening, find_objects, label
 
     pieces: list[ColourRegion] = []
     for plane in planes:

@@ -42,11 +42,7 @@ class Geometry:
 
     @classmethod
     def of(
-        cls,
-        resolved: ResolvedScene,
-        bodies: Mapping[str, Body],
-        base: Pose,
-        arm: RobotDescription,
+        cls, resolved: ResolvedScene, bodies: Mapping[str, Body], base: Pose, arm: RobotDescription
     ) -> Geometry:
         """Collect the geometry of the compiled scene."""
         shapes = resolved.shapes
@@ -121,14 +117,11 @@ def middle(cloud: Array) -> tuple[float, float]:
 # Grasps of handles: from above, else level from a side with room for the hand.
 
 
-RETREAT = 0.12
-"""m, retreat of a level hand from a handle: fingers and handle are about 6 cm deep."""
-LEAST_AWAY = 0.3
-"""Least cosine between the arm's direction to a handle and that of an approach."""
-DOWN = -0.5
-"""World z of the tool's unit z axis below which the hand counts as pointing down."""
+RETREAT = 0.12  # m, retreat of a level hand from a handle: fingers and handle are about 6 cm deep
+LEAST_AWAY = 0.3  # Least cosine between the arm's direction to a handle and that of an approach
+DOWN = -0.5  # World z of the tool's unit z axis below which the hand counts as pointing down
+# Half a turn about the tool's z, after which the fingers close along the same line.
 HALF_TURN = Pose.of((0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 1.0))
-"""Half a turn about the tool's z, after which the fingers close along the same line."""
 
 
 def handle_grasp(

@@ -25,20 +25,14 @@ from palpate.scene.resolve import resolve
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
+# m, largest error of the believed height of a surface of unknown height. It is the documented 50
+# mm, plus 5 mm for poses and for the touch.
 GUESS = 0.055
-"""m, largest error of the believed height of a surface of unknown height.
-
-It is the documented 50 mm, plus 5 mm for poses and for the touch.
-"""
+# m above an object's bottom from which a body within its height rests on it or in it.
 INSIDE = 0.001
-"""m above an object's bottom from which a body within its height rests on it or in it."""
-BELOW = 0.05
-"""m, largest depth of a named pose below the top of its surface."""
-
+BELOW = 0.05  # m, largest depth of a named pose below the top of its surface
 TEMPORARY = "_temporary"
-
-PoseOf = Callable[[str], Pose]
-"""World pose of the frame of a body, by name."""
+PoseOf = Callable[[str], Pose]  # World pose of the frame of a body, by name
 
 
 def apply_measurement(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Scene:
@@ -249,8 +243,8 @@ def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, flo
 # Loading of a scene from a file or text.
 
 
+# Catalogue of a simulated world: no quantity is unknown, so no prior is used.
 NOTHING = Catalogue(())
-"""Catalogue of a simulated world: no quantity is unknown, so no prior is used."""
 
 
 def load_scene(

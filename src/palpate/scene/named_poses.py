@@ -49,20 +49,12 @@ from palpate.scene.symbols import (
     vectors,
 )
 
-LIFT = (0.10, 0.35)
-"""m, bounds of a derived `z_offset`."""
-
-USUAL_LIFT = RETREAT
-"""m, default of a derived `z_offset`; neighbours may require a larger one."""
-
+LIFT = (0.10, 0.35)  # m, bounds of a derived `z_offset`
+USUAL_LIFT = RETREAT  # m, default of a derived `z_offset`; neighbours may require a larger one
+# m, half width of the corridor from the arm to an object, in which a lift clears neighbours.
 CORRIDOR = 0.15
-"""m, half width of the corridor from the arm to an object, in which a lift clears neighbours."""
-
-LEVEL_TOP = 0.001
-"""m, depth below an object's highest point down to which points belong to its top."""
-
-CLEAR = 0.02
-"""m, clearance between a carried object's bottom and the top of a neighbour."""
+LEVEL_TOP = 0.001  # m, depth below an object's highest point down to which points belong to its top
+CLEAR = 0.02  # m, clearance between a carried object's bottom and the top of a neighbour
 
 
 def derive_symbols(

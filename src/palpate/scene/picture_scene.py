@@ -31,19 +31,14 @@ from palpate.scene.poses import ObjectEntry, PoseEntry, Poses
 from palpate.scene.scene import Scene
 from palpate.scene.symbols import DEFAULT_OFFSETS, Symbols, configurations, given_offsets, vectors
 
-FAR = 3.0
-"""m, largest horizontal distance of a shape from the camera."""
-
+FAR = 3.0  # m, largest horizontal distance of a shape from the camera
+# Largest distance between sides of the fitted shape and of the box, relative to the image's height.
 MISFIT = 0.04
-"""Largest distance between sides of the fitted shape and of the box, relative to the image's height."""
-
-TURNS = (-30.0, 0.0, 30.0, 60.0)
-"""Degrees, initial yaws of a block."""
+TURNS = (-30.0, 0.0, 30.0, 60.0)  # Degrees, initial yaws of a block
+# Initial shoulder and neck as shares of height and width: almost no neck, and that of a bottle.
 NECKS = ((0.95, 0.95), (0.6, 0.5))
-"""Initial shoulder and neck as shares of height and width: almost no neck, and that of a bottle."""
+# Scales of the parameters in the search: m, then rad or a share.
 SCALES = np.array([0.1, 0.1, 0.1, 0.1, 0.5, 0.5])
-"""Scales of the parameters in the search: m, then rad or a share."""
-
 _CIRCLE = np.linspace(0, 2 * np.pi, 96, endpoint=False)
 _RING = np.column_stack([np.cos(_CIRCLE), np.sin(_CIRCLE)])
 _SQUARE = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
@@ -272,7 +267,6 @@ _OUTLINES: Mapping[Shape, Callable[[Array, float, float], Array]] = {
     "sphere": _ball,
     "plane": lambda v, level, _: _raise_outline(v[:2] + v[2:] * _SQUARE, level),
 }
-
 _FITTED: Mapping[Shape, Callable[[SceneObject, Array, float], FittedShape]] = {
     "cylinder": lambda t, v, _: FittedShape(t, v[0], v[1], 2 * v[2], 2 * v[2], 2 * v[3]),
     "box": lambda t, v, yaw: FittedShape(t, v[0], v[1], 2 * v[2], 2 * v[2], 2 * v[3], yaw),
@@ -284,14 +278,10 @@ _FITTED: Mapping[Shape, Callable[[SceneObject, Array, float], FittedShape]] = {
 # Scene from the detections of a model in a picture: metric shapes on planes.
 
 
+# m, standard deviation of a position from a picture: two pixels of 2.5 mm each at a workplace.
+# `accuracy` in poses.yaml takes precedence.
 SEEN_ACCURACY = 0.005
-"""m, standard deviation of a position from a picture: two pixels of 2.5 mm each at a workplace.
-
-`accuracy` in poses.yaml takes precedence.
-"""
-
-THICKNESS = 0.02
-"""m, thickness of the slab that represents a plane."""
+THICKNESS = 0.02  # m, thickness of the slab that represents a plane
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -12,26 +12,15 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.sheet import Reach
 
+# m, margins between hand and nearest object; the largest one that leaves a free spot is used.
 MARGINS = (0.06, 0.04, 0.02, 0.005)
-"""m, margins between hand and nearest object; the largest one that leaves a free spot is used."""
-
-APPROACH = 0.10
-"""m: height of a surface's approach pose above it."""
-
+APPROACH = 0.10  # m: height of a surface's approach pose above it
+# m, largest error of the guessed z of a surface of unknown height. Until it is touched, motions
+# keep this clearance from it and from the bodies on it.
 GUESSED = 0.05
-"""m, largest error of the guessed z of a surface of unknown height.
-
-Until it is touched, motions keep this clearance from it and from the bodies on it.
-"""
-
-STEP = 0.02
-"""m: spacing of the grid of candidate spots."""
-
-SEARCH = 1.0
-"""m: half extent of the grid of candidate spots."""
-
-TOUCHING = 0.012
-"""m: half extent of the closed fingertips."""
+STEP = 0.02  # m: spacing of the grid of candidate spots
+SEARCH = 1.0  # m: half extent of the grid of candidate spots
+TOUCHING = 0.012  # m: half extent of the closed fingertips
 
 
 def reachable(reach: Reach, spots: Array, z: float, base: Pose) -> NDArray[np.bool_]:

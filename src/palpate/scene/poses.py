@@ -30,23 +30,21 @@ if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 
-MAX_BYTES = 200_000
-"""Largest size of a poses file."""
-
+MAX_BYTES = 200_000  # Largest size of a poses file
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
 Name = Annotated[str, Field(min_length=1, max_length=100)]
 _Row = tuple[Number, Number, Number, Number, Number, Number]
+# Covariance of position, m, and small rotation, rad, along the world's axes.
 Covariance = Annotated[
     tuple[_Row, _Row, _Row, _Row, _Row, _Row],
     AfterValidator(lambda rows: _require_covariance(rows)),
 ]
-"""Covariance of position, m, and small rotation, rad, along the world's axes."""
 
 
+# Pattern of steps in pydantic's error location that name a type instead of a key.
 _FORM = re.compile(r"constrained-|\[")
-"""Pattern of steps in pydantic's error location that name a type instead of a key."""
 
 
 class _Strict(BaseModel):
@@ -200,6 +198,7 @@ def parse_poses(text: str, where: str = "poses") -> Poses:
 _POSE = (
     "a pose: pos: [x, y, z] in m, and at most one of yaw (rad), euler (rad) and quat (w, x, y, z)"
 )
+# Form of the entries below each key.
 _FORMS = {
     "objects": f"{_POSE}; source: picture, stated or seen, and std in m, where it is unsure, or the pose's covariance",
     "places": _POSE,
@@ -209,9 +208,7 @@ _FORMS = {
     "camera": "a camera: pos: [x, y, z] in m, quat: [w, x, y, z], fovy in degrees, and size: [width, height] in pixels",
     "accuracy": "a length in m, more than 0 and at most 0.1",
 }
-"""Form of the entries below each key."""
-_SINGLE = ("camera", "accuracy")
-"""Keys with a single value."""
+_SINGLE = ("camera", "accuracy")  # Keys with a single value
 
 
 def _complaint(invalid: ValidationError) -> str:

@@ -18,19 +18,16 @@ from palpate.scene.places import reachable
 from palpate.scene.resolve import ResolvedScene
 from palpate.scene.scene import Scene
 
+# m, least penetration of overlapping bodies. Stated poses have about this accuracy, and MuJoCo's
+# contacts at rest are less deep.
 DEEP = 0.003
-"""m, least penetration of overlapping bodies.
-
-Stated poses have about this accuracy, and MuJoCo's contacts at rest are less deep.
-"""
+# m, largest distance at which an object is at its place in a keyframe, or on the top below it.
 MOVED = 0.001
-"""m, largest distance at which an object is at its place in a keyframe, or on the top below it."""
-TURNED = 0.01
-"""rad, largest turn at which an object has its orientation in a keyframe."""
+TURNED = 0.01  # rad, largest turn at which an object has its orientation in a keyframe
+# Count of numbers in `qpos` by kind of joint; one for all others.
 NUMBERS = {"freejoint": 7, "free": 7, "ball": 4}
-"""Count of numbers in `qpos` by kind of joint; one for all others."""
+# Elements that make MuJoCo generate joints that are not in the file.
 GENERATED = ("replicate", "attach", "flexcomp", "composite")
-"""Elements that make MuJoCo generate joints that are not in the file."""
 
 
 def contradictions(scene: ResolvedScene) -> Iterator[str]:
@@ -150,11 +147,8 @@ def _has_open_z(scene: ResolvedScene, name: str) -> bool:
 # Remarks on the interpretation of a scene, on omissions, and on scenes without unknowns.
 
 
-LISTED = 8
-"""Largest number of names in a sentence."""
-
-SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'
-"""Element that places the arm in a scene."""
+LISTED = 8  # Largest number of names in a sentence
+SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'  # Element that places the arm in a scene
 
 
 def remarks(scene: Scene) -> tuple[str, ...]:

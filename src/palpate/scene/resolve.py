@@ -28,12 +28,11 @@ from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.scene.describe import Description, describe, thing_words
 from palpate.scene.poses import ObjectEntry, Poses
 
+# Attributes of geoms and joints that do not affect the scene's geometry.
 SHAPELESS = frozenset(
     {"mass", "density", "friction", "priority", "solref", "solimp", "solmix"}
     | {"damping", "frictionloss", "stiffness"}
 )
-"""Attributes of geoms and joints that do not affect the scene's geometry."""
-
 Bodies = Mapping[str, BodyDescription]
 
 

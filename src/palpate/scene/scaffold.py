@@ -18,10 +18,7 @@ from palpate.common.files import plain_yaml
 
 MAX_THINGS = 15
 MAX_NAME = 60
-
-UNKNOWN = {"box": [60, 60, 80]}
-"""Shape and size, mm, of an object of unknown kind."""
-
+UNKNOWN = {"box": [60, 60, 80]}  # Shape and size, mm, of an object of unknown kind
 _COLOURS = {
     "red": ".80 .18 .16",
     "blue": ".16 .42 .80",
@@ -36,10 +33,9 @@ _COLOURS = {
     "brown": ".50 .35 .22",
 }
 _PALETTE = ("blue", "red", "green", "yellow", "purple", "orange")
-
 _ROWS = (0.42, 0.56, 0.70)
+# m, positions in front of the arm's foot: rows ahead and columns aside, with room for a hand.
 _COLUMNS = (0.0, 0.18, -0.18, 0.36, -0.36)
-"""m, positions in front of the arm's foot: rows ahead and columns aside, with room for a hand."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -153,7 +149,6 @@ _HEAD = """\
       <geom type="box" size=".60 .60 .02" rgba=".88 .80 .66 1"/>
     </body>
 """
-
 _THING = """
     <!-- {about} -->
     <body name="{name}" pos="{x:g} {y:g} {z:.4g}">
@@ -161,13 +156,11 @@ _THING = """
       <geom type="{shape}" size="{size}" rgba="{colour} 1"/>
     </body>
 """
-
 _SIZES = {
     "box": "half its extents along x, y and z",
     "cylinder": "its radius and half its height",
     "sphere": "its radius",
 }
-
 _POSES = """\
 # Where things are, where the MJCF does not say it well enough. Every entry is optional: remove the '#'
 # of what you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.

@@ -33,16 +33,13 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.pose import Array, Pose, PoseLine
 from palpate.scene.poses import Poses
 
-MAX_EXPRESSION = 200
-"""Largest number of characters of a pose expression."""
-
+MAX_EXPRESSION = 200  # Largest number of characters of a pose expression
+# m, offsets at poses without an object.
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
     "x_offset": (0.05, 0.0, 0.0),
     "y_offset": (0.0, 0.05, 0.0),
     "z_offset": (0.0, 0.0, 0.12),
 }
-"""m, offsets at poses without an object."""
-
 _FACTOR = r"\(?([-−]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\)?"
 _TERM = re.compile(rf"\s*([+\-−])\s*(?:{_FACTOR}\s*\*?\s*)?([^\W\d][\w.]*)")
 

@@ -24,12 +24,11 @@ from palpate.trace.recording import ChainLink
 from palpate.twin.files import write_files
 from palpate.twin.text import rewritten
 
+# Attributes of a joint, by figure. A figure that is not significantly above 0 keeps the value in
+# the file: sensors behind the gears do not show the inertia of the motors.
 WRITTEN = {"frictionloss": "coulomb", "damping": "viscous", "armature": "armature"}
-"""Attributes of a joint, by figure. A figure that is not significantly above 0 keeps the value in
-the file: sensors behind the gears do not show the inertia of the motors.
-"""
+# Attributes of an `<inertial>` that `fullinertia` replaces.
 ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
-"""Attributes of an `<inertial>` that `fullinertia` replaces."""
 
 
 def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:

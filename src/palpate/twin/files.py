@@ -13,17 +13,13 @@ from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Named, Texts, read_text
 from palpate.mjcf.reading import parse_document, reparse
 
-TWIN = "twin.xml"
-"""Name of a twin in the folder of a run."""
-BESIDE = "twin_"
-"""Prefix of the names of attached models in the same folder."""
-ASSETS = "assets"
-"""Folder of copies of meshes, pictures and height fields."""
+TWIN = "twin.xml"  # Name of a twin in the folder of a run
+BESIDE = "twin_"  # Prefix of the names of attached models in the same folder
+ASSETS = "assets"  # Folder of copies of meshes, pictures and height fields
+# Attributes of `<compiler>` that name the folders of files.
 FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
-"""Attributes of `<compiler>` that name the folders of files."""
-
+# New values, by the number of the element and the name of the attribute.
 Attributes = Mapping[tuple[int, str], str]
-"""New values, by the number of the element and the name of the attribute."""
 
 
 def one_text(document: Document, texts: Texts) -> str:

@@ -33,16 +33,13 @@ from palpate.scene.scene import Scene
 from palpate.twin.files import one_text
 from palpate.twin.text import as_text, rewritten, write_records
 
+# Relative tolerance: single precision of meshes, and seven digits of shares that add up to a value.
 ROUNDED = 1e-5
-"""Relative tolerance: single precision of meshes, and seven digits of shares that add up to a
-value.
-"""
+# Standard deviations: a value is written with a resolution of a tenth of its own deviation.
 DIGITS = 0.1
-"""Standard deviations: a value is written with a resolution of a tenth of its own deviation."""
+# Standard deviations: tolerance where one number states several components, as the radius of a
+# round object.
 TOGETHER = 1.0
-"""Standard deviations: tolerance where one number states several components, as the radius of a
-round object.
-"""
 
 
 def inject(

@@ -22,11 +22,10 @@ from palpate.estimation.estimate import Z95, Estimate, axes_of
 
 RANGES = "ranges.json"
 Range = tuple[float, float]
+# Parameters that select parts of an entity.
 ENTITY_PARTS = ("body_names", "geom_names", "joint_names")
-"""Parameters that select parts of an entity."""
+# Function of a library that changes an entity, and its parameters without the entity.
 Term = tuple[str, dict[str, Any]]
-"""Function of a library that changes an entity, and its parameters without the entity."""
-
 HEADER = '''"""Domain randomisation by palpate: the central 95 % intervals of what was measured.
 
 Each body is an entity of the scene by its name in the MJCF. `events()` goes into the events of an environment.
@@ -44,12 +43,12 @@ def events() -> dict[str, EventTermCfg]:
 MJLAB = """from mjlab.envs.mdp import dr
 from mjlab.managers.event_manager import EventTermCfg
 from mjlab.managers.scene_entity_config import SceneEntityCfg"""
+# Functions of mjlab for the joint of a fixture, by quantity.
 MJLAB_JOINT = {
     "frictionloss": "dr.joint_friction",
     "damping": "dr.joint_damping",
     "spring": "dr.joint_stiffness",
 }
-"""Functions of mjlab for the joint of a fixture, by quantity."""
 ISAACLAB = """import isaaclab.envs.mdp as mdp
 from isaaclab.managers import EventTermCfg, SceneEntityCfg"""
 

@@ -24,11 +24,9 @@ from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Element, Texts, elements, parse_xml
 from palpate.mjcf.edits import Change, Insert
 
-MAX_SENTENCE = 1000
-"""Characters of a method that are kept."""
-
+MAX_SENTENCE = 1000  # Characters of a method that are kept
+# New text of an attribute, by the number of its element and its name; None removes it.
 Attributes = Mapping[tuple[int, str], str | None]
-"""New text of an attribute, by the number of its element and its name; None removes it."""
 
 
 def rewritten(document: Document, edits: Sequence[Change]) -> Texts:

@@ -16,18 +16,16 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 
+# Shares of the largest measured depth at which the surface is pressed.
 SHARES = (1.0 / 3.0, 2.0 / 3.0, 1.0)
-"""Shares of the largest measured depth at which the surface is pressed."""
+# Duration of a press, in units of 1 / omega. The ball and the surface are both critically damped,
+# and the ball is then at rest to 0.03 % of its depth.
 PERIODS = 30.0
-"""Duration of a press, in units of 1 / omega. The ball and the surface are both critically damped,
-and the ball is then at rest to 0.03 % of its depth.
-"""
+# Largest count of steps in the simulation of one press, for any time step of the scene.
 MOST_STEPS = 20_000
-"""Largest count of steps in the simulation of one press, for any time step of the scene."""
-SETTLED = 2.0
-"""s: time in which objects on a surface come to rest."""
+SETTLED = 2.0  # s: time in which objects on a surface come to rest
+# Tolerances of the depth to which an object sinks in: share of the depth, and m.
 ALIKE, SEEN = 0.2, 2e-4
-"""Tolerances of the depth to which an object sinks in: share of the depth, and m."""
 BALL_BODY = "palpate_ball"
 
 
@@ -151,23 +149,15 @@ def sinking_notes(twin: Scene, surface: str, stiffness: float) -> Iterator[str]:
 # positions.
 
 
+# Means (3,) of a trace's recordings. Forces, N, are less those of the empty hand at the same pose;
+# positions of the TCP are in m.
 Felt = list[Array]
-"""Means (3,) of a trace's recordings. Forces, N, are less those of the empty hand at the same pose;
-positions of the TCP are in m.
-"""
-Replay = Callable[[Scene], Felt]
-"""Execute the plan again in a scene."""
-Replayed = Callable[[], Felt]
-"""Wait for a replay."""
-
-SETTLE_TIME = 2.0
-"""s: free simulation before the twin's objects must be at rest."""
-FINEST_STEP = 1e-4
-"""s: least time step of that simulation."""
-REST_SPEED = 0.01
-"""m/s and rad/s: upper bound of the speed of an object at rest."""
-REST = 0.3
-"""s: rest of the arm at the end of a motion."""
+Replay = Callable[[Scene], Felt]  # Execute the plan again in a scene
+Replayed = Callable[[], Felt]  # Wait for a replay
+SETTLE_TIME = 2.0  # s: free simulation before the twin's objects must be at rest
+FINEST_STEP = 1e-4  # s: least time step of that simulation
+REST_SPEED = 0.01  # m/s and rad/s: upper bound of the speed of an object at rest
+REST = 0.3  # s: rest of the arm at the end of a motion
 
 
 @dataclass(frozen=True, slots=True)
@@ -202,8 +192,7 @@ class Validation:
     template: ReplayResidual
 
 
-NOT_REPLAYED = ReplayResidual(None, None, "not replayed")
-"""Residual of a twin without a replay."""
+NOT_REPLAYED = ReplayResidual(None, None, "not replayed")  # Residual of a twin without a replay
 
 
 def validate(

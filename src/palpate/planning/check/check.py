@@ -67,7 +67,6 @@ _PARAMETERS = {
     "something else is measured; without parameters, one object that the explanation names.",
     "no-explanation": "A plan without a tree says why.",
 }
-
 _FORM = {
     "unknown-primitive": "Every node's type is a primitive or composite of the vocabulary.",
     "bad-argument": "A leaf's arguments are those that its primitive declares, of the declared types; composites "
@@ -77,7 +76,6 @@ _FORM = {
     "one-owner": "At most one leaf below a Parallel moves the arm, and at most one the gripper.",
     "buffer-unwritten": "A conversion comes after the sensing that fills its buffer, not beside it.",
 }
-
 _ACTIONS = {
     "unknown-symbol": "Poses, offsets and joint configurations are named by symbols of the scene.",
     "unreachable": "The arm reaches every pose within its workspace and joint limits; Tilt keeps "
@@ -109,14 +107,12 @@ _ACTIONS = {
     "gripper-at-end": "At the end the gripper is empty and open.",
     "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of where it was found.",
 }
-
 _RECIPES = ("short-slide",)
-
+# All rules by id, in the order of presentation to people and models.
 CATALOGUE: Mapping[str, Rule] = {
     **{id: Rule(id, asks, "parameters") for id, asks in _PARAMETERS.items()},
     **{id: Rule(id, asks, recipe=id in _RECIPES) for id, asks in {**_FORM, **_ACTIONS}.items()},
 }
-"""All rules by id, in the order of presentation to people and models."""
 
 
 # Estimated poses: the whole plan must pass the check at every place in their regions.
@@ -188,7 +184,7 @@ def all_findings(case: CheckedPlan, walk: Walk) -> list[Finding]:
 
 
 __all__ = ["MAX_FINDINGS", "PLAN_RULES", "RULES", "WALK_RULES", "Finding", "check"]
-
+# Rules on the text of a plan, by id.
 PLAN_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "unknown-parameter": plan_rules.unknown_parameter,
     "unmeasurable": plan_rules.unmeasurable,
@@ -202,8 +198,7 @@ PLAN_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "one-owner": plan_rules.one_owner,
     "buffer-unwritten": plan_rules.order_of_buffers,
 }
-"""Rules on the text of a plan, by id."""
-
+# Rules on the symbolic states of a plan, by id.
 WALK_RULES: Mapping[str, Callable[[CheckedPlan, Walk], Iterable[Fault]]] = {
     "known": plan_rules.measure_no_stated_value,
     "redundant": plan_rules.redundant,
@@ -212,20 +207,17 @@ WALK_RULES: Mapping[str, Callable[[CheckedPlan, Walk], Iterable[Fault]]] = {
     "gripper-at-end": plan_rules.gripper_at_end,
     "not-restored": plan_rules.objects_displaced_at_end,
 }
-"""Rules on the symbolic states of a plan, by id."""
-
+# Rules that apply only if every action is readable.
 COMPLETE_RULES = ("redundant", "undischarged", "gripper-at-end", "not-restored")
-"""Rules that apply only if every action is readable."""
-
+# Rules on a plan without a tree, by id.
 REJECTION_RULES: Mapping[str, Callable[[CheckedPlan], Iterable[Fault]]] = {
     "no-explanation": plan_rules.no_explanation,
     "undischarged": plan_rules.promised_without_tree,
 }
-"""Rules on a plan without a tree, by id."""
 
 
+# Requirement of each rule, by id.
 RULES: Mapping[str, str] = {rule.id: rule.asks for rule in CATALOGUE.values()}
-"""Requirement of each rule, by id."""
 
 
 def check(

@@ -146,8 +146,7 @@ class CheckedPlan:
 # Findings as lines of text, grouped by cause and remedy.
 
 
-SHOWN = 4
-"""Maximum number of further paths in one line."""
+SHOWN = 4  # Maximum number of further paths in one line
 _OBSTACLE = re.compile(r" into ('[^']+')")
 
 

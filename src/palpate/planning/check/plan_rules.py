@@ -15,13 +15,9 @@ from palpate.planning.check.walk import Walk, WalkedAction, has_measurement, lac
 from palpate.primitives.registry import acquisition
 from palpate.primitives.rules.clearance import needed_away
 
-SHOWN = 4
-"""Maximum number of leaves in one message."""
-SEVERAL = 3
-"""Minimum number of nodes with the same undeclared argument for a common message."""
-
-Fault = tuple[str, str]
-"""Path in the plan, and message with a remedy."""
+SHOWN = 4  # Maximum number of leaves in one message
+SEVERAL = 3  # Minimum number of nodes with the same undeclared argument for a common message
+Fault = tuple[str, str]  # Path in the plan, and message with a remedy
 
 
 def unknown_parameter(case: CheckedPlan) -> Iterator[Fault]:

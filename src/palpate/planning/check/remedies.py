@@ -21,14 +21,12 @@ from palpate.primitives.rules.support import (
 from palpate.primitives.state import HOME_CONFIG, SymbolicState, Violation
 from palpate.scene.symbols import PoseExpression
 
-COLLIDING = ("blocked", "collision", "self-collision")
-"""Rules that another path may satisfy."""
-HIGHER = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)
-"""Multiples of z_offset for higher candidate poses."""
+COLLIDING = ("blocked", "collision", "self-collision")  # Rules that another path may satisfy
+HIGHER = (0.25, 0.5, 1.0, 1.5, 2.0, 3.0)  # Multiples of z_offset for higher candidate poses
+# Multiples of `MIN_SLIDE` for a proposed slide: well above the minimum, else slightly above it.
 COMFORTABLE = (1.5, 1.1)
-"""Multiples of `MIN_SLIDE` for a proposed slide: well above the minimum, else slightly above it."""
+# Directions of a proposed slide; along the object first.
 SIDES = (("x_offset", 1), ("x_offset", -1), ("y_offset", 1), ("y_offset", -1))
-"""Directions of a proposed slide; along the object first."""
 
 
 def offer_remedies(

@@ -17,18 +17,15 @@ from palpate.primitives.state import PRECONDITION, SymbolicState, Violation, dur
 from palpate.trace.samples import FORCES
 
 Reach = Callable[[Pose], bool]
-
-MAX_FINDINGS = 50
-"""Maximum number of reported findings; later actions are not tested."""
-
+MAX_FINDINGS = 50  # Maximum number of reported findings; later actions are not tested
+# Rules that are not reported after a motion to an unknown pose, because they follow from it.
 CONSEQUENCES = (PRECONDITION, "gripper-state", "unknown-start")
-"""Rules that are not reported after a motion to an unknown pose, because they follow from it."""
+# Rules that are not reported for a motion from an unreachable pose or after a failed grasp.
 PATH_RULES = ("blocked", "collision", "self-collision")
-"""Rules that are not reported for a motion from an unreachable pose or after a failed grasp."""
+# Rules that may leave a parameter unmeasured when broken.
 FAILING = ("buffer-unwritten", "gripper-state", PRECONDITION, "unknown-symbol")
-"""Rules that may leave a parameter unmeasured when broken."""
+# Rules that an action breaks independently of earlier actions.
 INDEPENDENT = ("unknown-symbol", "unreachable")
-"""Rules that an action breaks independently of earlier actions."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -24,8 +24,8 @@ from palpate.primitives.rules.profile import NEAR_SPEED
 from palpate.primitives.state import SymbolicState, during
 from palpate.scene.scene import Scene
 
+# Quantities outside the catalogue that a person reads off a tool.
 MANUAL: tuple[Quantity, ...] = (Temperature(),)
-"""Quantities outside the catalogue that a person reads off a tool."""
 _DENYING = re.compile(r"\b(?:not?|never|without|except|but|unless|if|instead|nor)\b|n't\b")
 _JOINING = re.compile(r"\band\b|[,;.!?]")
 _BEFORE_THING = re.compile(r"\b(?:of|in|inside|on|over|at)\b")

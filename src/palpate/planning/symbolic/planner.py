@@ -37,10 +37,9 @@ if TYPE_CHECKING:
     from palpate.planning.symbolic.efforts import Errand
 
 
+# Quantities of the exhaustive baseline by role: "probe heights, weigh, and test friction" in the
+# paper.
 SUITE = {"surface": ("height",), "object": ("mass", "friction")}
-"""Quantities of the exhaustive baseline by role: "probe heights, weigh, and test friction" in the
-paper.
-"""
 
 
 @dataclass(frozen=True, slots=True)

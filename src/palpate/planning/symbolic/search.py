@@ -53,14 +53,11 @@ from palpate.primitives.state import HOME_CONFIG, SymbolicState
 from palpate.scene.load import TEMPORARY
 from palpate.scene.scene import Scene
 
-MAX_DETOURS = 20
-"""Maximum number of refused paths per search."""
-
+MAX_DETOURS = 20  # Maximum number of refused paths per search
+# Offsets of the grasp and lift poses of a tool, from which it is carried.
 LIFTS = ("", " + z_offset", " + 1.5*z_offset", " + 2.5*z_offset")
-"""Offsets of the grasp and lift poses of a tool, from which it is carried."""
-
+# Key of a solved task: the slide direction flag (`mirrored`) and the measured quantities.
 Task = tuple[bool, frozenset[str]]
-"""Key of a solved task: the slide direction flag (`mirrored`) and the measured quantities."""
 
 
 @dataclass(eq=False)

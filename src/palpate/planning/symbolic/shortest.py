@@ -16,12 +16,11 @@ from palpate.planning.symbolic.steps import Step, is_away, is_clear
 from palpate.primitives.base import Primitive
 from palpate.primitives.state import PRECONDITION, RESTORED_POSITION, SymbolicState, Violation
 
-MAX_STATES = 5000
-"""Maximum number of states per search."""
-FEW_STATES = 60
-"""Maximum number of states in the search for a reason."""
+MAX_STATES = 5000  # Maximum number of states per search
+FEW_STATES = 60  # Maximum number of states in the search for a reason
 MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
 MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
+# Advice to the user by rule.
 ADVICE: Mapping[str, str] = {
     "twist": "lay it so that the fingers can take it near its centre of mass, or state its mass",
     "blocked": MOVE_OR_CLEAR,
@@ -31,13 +30,11 @@ ADVICE: Mapping[str, str] = {
     "unsupported": "move it away from the edge, or clear what stands on it",
     "too-wide": "turn it so that a narrower side faces the fingers",
 }
-"""Advice to the user by rule."""
-
 Goal = Callable[[SymbolicState], bool]
+# Remaining steps from a state to the goal; None if the goal is not reachable from it.
 Tail = Callable[[SymbolicState], "list[Step] | None"]
-"""Remaining steps from a state to the goal; None if the goal is not reachable from it."""
+# Key of a state, and the label of a step that the exact check refuses there.
 Refusal = tuple[tuple[object, ...], str]
-"""Key of a state, and the label of a step that the exact check refuses there."""
 
 
 def at_rest(name: str) -> Goal:

@@ -31,12 +31,9 @@ from palpate.primitives.state import (
 from palpate.scene.load import TEMPORARY
 from palpate.scene.scene import Scene
 
-TURNED = 0.1
-"""rad. Maximum rotation of an object that still counts as restored."""
-SLIDE = 0.06
-"""m. Minimum length of a slide for friction."""
-ASIDE = 0.03
-"""m. Minimum offset of a slide along the other axis."""
+TURNED = 0.1  # rad. Maximum rotation of an object that still counts as restored.
+SLIDE = 0.06  # m. Minimum length of a slide for friction.
+ASIDE = 0.03  # m. Minimum offset of a slide along the other axis.
 
 
 @dataclass(frozen=True, slots=True)
@@ -216,18 +213,15 @@ def nodes(steps: Sequence[Step]) -> Iterator[Node]:
 # Candidate pose expressions for missing evidence, around an object.
 
 
+# Offsets. Distance between the touched spots of a surface: 1.5 offsets are 75 mm. Three spots
+# define a plane.
 SPOT = 1.5
-"""Offsets. Distance between the touched spots of a surface: 1.5 offsets are 75 mm. Three spots
-define a plane.
-"""
+# Offsets of slides. The closing direction of the fingers is first; an object may tip in the grip
+# across it.
 SIDEWAYS = ("y_offset", "x_offset")
-"""Offsets of slides. The closing direction of the fingers is first; an object may tip in the grip
-across it.
-"""
-BALANCE = "_balance"
-"""Name ending of the pose at which an object balances, as estimated in a run."""
+BALANCE = "_balance"  # Name ending of the pose at which an object balances, as estimated in a run
+# m. Minimum offset of the centre of mass from the grasp for one side to count as nearer.
 NEARER = 0.005
-"""m. Minimum offset of the centre of mass from the grasp for one side to count as nearer."""
 
 
 def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:

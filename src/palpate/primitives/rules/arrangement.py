@@ -17,8 +17,7 @@ from palpate.common.pose import Array, Frames
 from palpate.primitives.rules.solids import Solids, solids
 from palpate.primitives.state import SymbolicState
 
-HIGHER = "higher"
-"""Kind of the raised copies of objects on a surface of unknown height."""
+HIGHER = "higher"  # Kind of the raised copies of objects on a surface of unknown height
 
 
 @dataclass(frozen=True, slots=True, eq=False)

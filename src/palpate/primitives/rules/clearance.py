@@ -21,7 +21,6 @@ SPACING = 0.02  # m between two samples of a motion
 STEEP = 0.010  # m of horizontal travel below which a motion is vertical
 SAME_TURN = 1e-6  # rad up to which two orientations are one
 TOUCH = 0.002  # m of overlap up to which boxes only touch
-
 Numbers = NDArray[np.intp]
 
 

@@ -45,18 +45,16 @@ from palpate.primitives.state import HOME_CONFIG, SAME_POSE, SymbolicState, Viol
 from palpate.scene.load import GUESS
 from palpate.scene.scene import Scene
 
+# m, margin between the open fingers and an object between them. Derived grasps leave 2 mm on each
+# side (`grasp.SPARE`).
 ENTERED = 0.0015
-"""m, margin between the open fingers and an object between them.
-
-Derived grasps leave 2 mm on each side (`grasp.SPARE`).
-"""
 BESIDE = 0.0015  # m between hand or load and any other object: derived grasps leave 2 mm
 FIXED = 0.003  # m between hand or load and anything static: derived grasps leave `grasp.GROUND`
 ARM = 0.005  # m between the arm's links and everything, each other included
 SHOWS = 0.002  # m of a measured rise from which a message mentions it
 SHOWN = 3  # Largest number of hits reported of one motion
+# Name for the body that a probe from the side touches: the probe ends at the first contact of any.
 ANYTHING = ""
-"""Name for the body that a probe from the side touches: the probe ends at the first contact of any."""
 
 
 @dataclass(frozen=True, slots=True)

@@ -30,13 +30,10 @@ from palpate.scene.symbols import PoseExpression
 
 HAND = "hand"
 LOAD = "load"
-LINK = "link"
-"""Kinds of parts of the arm, besides the two fingers."""
+LINK = "link"  # Kinds of parts of the arm, besides the two fingers
+# Joints between two parts of the arm, up to which the pair is not tested. Parts so close in the
+# chain either cannot touch, or always nearly do.
 NEIGHBOURS = 2
-"""Joints between two parts of the arm, up to which the pair is not tested.
-
-Parts so close in the chain either cannot touch, or always nearly do.
-"""
 SPACING = 0.01  # m between two moments of `near_spans`
 
 
@@ -183,16 +180,13 @@ def _hand(shapes: Solids) -> ToolShapes:
 # Reach of the arm, and its clearance at `home_config`, where every plan begins.
 
 
-APART = 0.05
-"""rad, largest step of any joint between two samples of a joint motion."""
+APART = 0.05  # rad, largest step of any joint between two samples of a joint motion
 NONSENSE = 0.1  # rad beyond the joint limits from which on no path is judged
+# N m. Errors of the joint torques can look like a moment on the hand. From this moment on, a
+# contact is not detected.
 UNFELT = 12.0
-"""N m. Errors of the joint torques can look like a moment on the hand.
-
-From this moment on, a contact is not detected.
-"""
+# Factors on the offsets of a pose out of reach that are tried as a remedy.
 SHARES = (0.75, 0.5, 0.25, 0.1)
-"""Factors on the offsets of a pose out of reach that are tried as a remedy."""
 
 
 def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[Violation]:

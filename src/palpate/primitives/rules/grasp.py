@@ -12,14 +12,12 @@ from palpate.primitives.rules.solids import LEFT, solids
 from palpate.primitives.state import SymbolicState, Violation
 from palpate.scene.scene import Scene
 
+# m, largest offset of an object from the middle of the fingers. Beyond it, one finger pushes the
+# object before both touch it, and a tall object tips.
 PUSHED = 0.010
-"""m, largest offset of an object from the middle of the fingers.
-
-Beyond it, one finger pushes the object before both touch it, and a tall object tips.
-"""
+# Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
+# square about its centre. Friction times force times this lever resists turning.
 TORSION = 0.38
-"""Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
-square about its centre. Friction times force times this lever resists turning."""
 
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:

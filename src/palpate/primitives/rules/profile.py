@@ -34,23 +34,17 @@ from palpate.robots.trajectory import Stretch, rotate_quaternion
 from palpate.scene.scene import Scene
 
 POSE_ERROR = 0.020  # m, largest error of a believed pose that does not state a larger one
+# m/s. Both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (mean over 20 ms). This
+# holds also where the arm's effective mass is largest (28 kg, close to its base).
 GUARDED_SPEED = 0.018
-"""m/s. Both fingers on a table stay below 65 N (mean over 10 ms) and 45 N (mean over 20 ms).
-
-This holds also where the arm's effective mass is largest (28 kg, close to its base).
-"""
+# m/s, largest speed near bodies, where the arm's effective mass is small. The arm goes 3 mm in the
+# 60 ms until a contact is certain. A free object may be moved by 5 mm.
 NEAR_SPEED = 0.05
-"""m/s, largest speed near bodies, where the arm's effective mass is small.
-
-The arm goes 3 mm in the 60 ms until a contact is certain. A free object may be moved by 5 mm.
-"""
-LIFT_OFF = 0.010
-"""m of slow motion as the arm leaves an object or a surface."""
+LIFT_OFF = 0.010  # m of slow motion as the arm leaves an object or a surface
+# m above the start up to which the arm then moves fast, since the hand just came from there.
 RETRACED = 0.10
-"""m above the start up to which the arm then moves fast, since the hand just came from there."""
 CELL = 0.005  # m of a path: resolution of the profile
 SHORTEST = 0.015  # m: a shorter free stretch is merged into its neighbours
-
 Cells = NDArray[np.bool_]
 
 

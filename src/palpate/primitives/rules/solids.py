@@ -35,17 +35,16 @@ from palpate.scene.scene import Scene
 
 LEFT, RIGHT = "left finger", "right finger"
 SIDES = {LEFT: 1.0, RIGHT: -1.0}  # The fingers, with the sign of the tool's y in which each opens
+# m. A box of the description counts as part of a finger up to this distance inside the open pads.
 NEAR_PAD = 0.002
-"""m. A box of the description counts as part of a finger up to this distance inside the open pads."""
 STEM = "stem:"  # Prefix of the names of the boxes added for fingers
 ORIGIN = Pose.of((0.0, 0.0, 0.0))
 FAR = 10.0  # m: upper bound of every distance asked for
+# m, largest position error of the TCP at which a configuration counts as reaching a pose.
 REACHED = 0.002
-"""m, largest position error of the TCP at which a configuration counts as reaching a pose."""
 CACHED_SCENES = 32
 RECENT_RESULTS = 16  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
-
 T = TypeVar("T")
 
 

@@ -21,21 +21,17 @@ from palpate.primitives.rules.arrangement import Arrangement, arrangement
 from palpate.primitives.rules.solids import Solids, solids
 from palpate.primitives.state import SymbolicState, Violation
 
+# m, largest height difference, in either sense, at which an upper face carries an object.
 SETTLES = 0.005
-"""m, largest height difference, in either sense, at which an upper face carries an object."""
 FACE = 0.002  # m above an object's lowest point up to which its lower face reaches
+# m. An upper face this far above an object's lowest point still counts as below it. Believed
+# heights have errors of this size.
 SUNK = 0.02
-"""m. An upper face this far above an object's lowest point still counts as below it.
-
-Believed heights have errors of this size.
-"""
 LIFTED = 0.005  # m between a held object and its support above which it hangs free
 TIPPING = 0.005  # m that a centre of mass must be inside the support polygon
+# Fraction of an object's extent by which an unstated centre of mass may be off the middle. It holds
+# in both senses, and is the prior of `quantities.com`.
 OFF_CENTRE = 0.1
-"""Fraction of an object's extent by which an unstated centre of mass may be off the middle.
-
-It holds in both senses, and is the prior of `quantities.com`.
-"""
 EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
 AS_FOUND = 0.003  # m, position error up to which an object counts as back at its given pose
 UPRIGHT = np.radians(2.0)  # rad that an object may lean

@@ -25,13 +25,11 @@ from palpate.primitives.rules.clearance import ArmPath
 from palpate.primitives.rules.solids import Solids
 
 FINEST = 0.002  # m of travel below which an interval is not halved again
+# m. A pair that is too near at the start may come nearer by this tracking error of the arm.
 SLACK = 0.001
-"""m. A pair that is too near at the start may come nearer by this tracking error of the arm."""
+# Upper bound of arc length over chord, for a shape between two moments. No joint turns by more than
+# 0.1 rad between two moments.
 CURVED = 1.02
-"""Upper bound of arc length over chord, for a shape between two moments.
-
-No joint turns by more than 0.1 rad between two moments.
-"""
 Pairs = NDArray[np.intp]
 
 
