@@ -122,7 +122,7 @@ def test_a_package_brings_an_arm_by_its_entry_point(
     monkeypatch.delitem(sys.modules, "their_arm", raising=False)
     arms.cache_clear()
     try:
-        assert list(arms().folders) == ["fr3", "iiwa14", "their_arm"]
+        assert list(arms()) == ["fr3", "iiwa14", "their_arm"]
         assert load_description("their_arm").limits.payload == 2.0
     finally:
         arms.cache_clear()

@@ -67,7 +67,7 @@ def test_a_path_has_the_speed_limit_of_each_part() -> None:
     assert all(0.03 < speed <= ARM.pace.speed for speed in speeds)
 
 
-@pytest.mark.parametrize("name", sorted(arms().folders))
+@pytest.mark.parametrize("name", sorted(arms()))
 def test_a_cautious_arm_is_slow_everywhere(name: str) -> None:
     arm = arms().load(name)
     nominal = NominalArm(arm, Pose.of((0, 0, 0)), np.zeros(3))

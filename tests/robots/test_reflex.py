@@ -51,7 +51,7 @@ def test_what_a_hand_pressed_with_may_linger_but_a_new_force_is_met_as_ever() ->
     assert leaving.fired(wrench(0, 0, 11.5)) is None, "no earlier than in free air"
 
 
-@pytest.mark.parametrize("name", sorted(arms().folders))
+@pytest.mark.parametrize("name", sorted(arms()))
 def test_every_arm_is_tightest_in_free_air_and_stops_itself_below_its_limits(name: str) -> None:
     limits = arms().load(name).limits
     reflexes = limits.reflexes

@@ -1,14 +1,70 @@
-"""Entry points of other packages, and command-line forms of settings."""
+"""Registries of palpate's own parts and those of other packages, and command-line forms of settings."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import Field, dataclass, fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
-from typing import Annotated, Any, NamedTuple, get_args, get_origin, get_type_hints
+from typing import (
+    Annotated,
+    Any,
+    ClassVar,
+    NamedTuple,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
-from palpate.common.errors import InputError
+from palpate.common.errors import InputError, unknown_name
+
+T = TypeVar("T")
+
+
+class Registry(Mapping[str, T]):
+    """Parts by name: palpate's own first, then those of other packages. The first part of a name stays."""
+
+    kind: ClassVar[str]
+    """Word for a part in messages."""
+
+    def __init__(self, parts: Mapping[str, T] | Iterator[tuple[str, T]]) -> None:
+        self._parts: dict[str, T] = {}
+        pairs = parts.items() if isinstance(parts, Mapping) else parts
+        for name, part in pairs:
+            self._parts.setdefault(name, part)
+
+    def __getitem__(self, name: str) -> T:
+        return self._parts[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._parts)
+
+    def __len__(self) -> int:
+        return len(self._parts)
+
+    def __repr__(self) -> str:
+        return f"<{type(self).__name__}: {', '.join(self)}>"
+
+    def named(self, name: str, hint: str = "", meant: str | None = None) -> T:
+        """Return the part of that name; `hint` and `meant` are those of `unknown_name`.
+
+        Raises:
+            InputError: unknown; the message lists the valid names.
+        """
+        if name not in self._parts:
+            raise unknown_name(self.kind, name, self, hint, meant)
+        return self._parts[name]
+
+
+def offered(group: str) -> Iterator[object]:
+    """Yield the public members of the modules that the entry points of `group` name.
+
+    Raises:
+        InputError: a module cannot be loaded; the message names it.
+    """
+    for module in extensions(group):
+        yield from public(module)
 
 
 def extensions(group: str) -> Iterator[ModuleType]:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from functools import cache
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError, Unavailable
-from palpate.common.extensions import extensions, public
+from palpate.common.extensions import Registry, offered
 from palpate.common.pose import Pose
 from palpate.execution.cell import Cell, Driver, Finding
 from palpate.robots.franky.control_box import SCHEME, Address, clear, read_address, require_answer
@@ -99,11 +99,10 @@ driver = Driver(SCHEME, connect, examine, open_guided_hand)
 # Registry of robot drivers by URL scheme.
 
 
-@dataclass(frozen=True, slots=True)
-class Drivers:
+class Drivers(Registry[Driver]):
     """Known drivers, by scheme."""
 
-    known: Mapping[str, Driver]
+    kind = "driver"
 
     def connect(self, url: str, scene: Scene | None) -> Cell:
         """The cell at `url`.
@@ -120,12 +119,12 @@ class Drivers:
             Unavailable: there is none for its scheme.
         """
         scheme = url.partition("://")[0]
-        if scheme not in self.known:
-            have = ", ".join(sorted(self.known)) or "none"
+        if scheme not in self:
+            have = ", ".join(sorted(self)) or "none"
             raise Unavailable(
                 f"no driver for '{url}': leave robot= out to use the embedded one; drivers: {have}"
             )
-        return self.known[scheme]
+        return self[scheme]
 
 
 @cache
@@ -135,10 +134,5 @@ def drivers() -> Drivers:
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
-    # Palpate's own driver comes first and cannot be replaced.
-    found = {driver.scheme: driver}
-    for module in extensions("palpate.cells"):
-        for thing in public(module):
-            if isinstance(thing, Driver):
-                found.setdefault(thing.scheme, thing)  # no package replaces palpate's own driver
-    return Drivers(found)
+    others = (part for part in offered("palpate.cells") if isinstance(part, Driver))
+    return Drivers((one.scheme, one) for one in (driver, *others))

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
 from pathlib import Path
-from types import ModuleType
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import extensions, public
+from palpate.common.extensions import Registry, offered
 from palpate.common.files import read_bytes
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.plan import Plan, parse_plan
@@ -147,11 +146,10 @@ def _read(path: Path) -> bytes:
 OWN = ("symbolic", "exhaustive")  # Planners with plans made by palpate itself
 
 
-@dataclass(frozen=True, slots=True)
-class Planners:
+class Planners(Registry[PlannerKind]):
     """Kinds of planners by name, in listing order."""
 
-    kinds: Mapping[str, PlannerKind]
+    kind = "planner"
 
     def make(self, spec: str, settings: PlannerSettings | None = None) -> Planner:
         """Make the planner of a `spec` such as `symbolic`, `replay:FILE` or `openai:MODEL`.
@@ -161,9 +159,9 @@ class Planners:
         """
         # The part after the colon is the argument of the factory.
         name, _, argument = spec.partition(":")
-        kind = self.kinds.get(name)
+        kind = self.get(name)
         if kind is None or not kind.accepts(spec):
-            raise unknown_name("planner", spec, [known.form for known in self.kinds.values()])
+            raise unknown_name("planner", spec, [known.form for known in self.values()])
         return kind.make(argument, settings or PlannerSettings())
 
 
@@ -177,31 +175,20 @@ def planners() -> Planners:
     Raises:
         InputError: the module of an entry point cannot be loaded; the message names it.
     """
-    # Built-in kinds come first, so that `setdefault` keeps them.
-    own = [
+    kinds = [
         PlannerKind("symbolic", _symbolic),
         PlannerKind("exhaustive", _exhaustive),
         PlannerKind("replay", _replay, "FILE"),
     ]
     for provider in PROVIDERS:
-        own.append(PlannerKind(provider, partial(_model, provider), "MODEL", optional=True))
-    kinds = {kind.name: kind for kind in own}
-    # Other packages add kinds, but do not replace built-in ones.
-    for module in extensions("palpate.planners"):
-        for kind in offered_kinds(module):
-            kinds.setdefault(kind.name, kind)
-    return Planners(kinds)
-
-
-def offered_kinds(module: ModuleType) -> Iterator[PlannerKind]:
-    """Yield the public planners of another package's module."""
-    for thing in public(module):
-        if isinstance(thing, PlannerKind):
-            yield thing
-        # A planner class is wrapped in a factory without arguments.
-        elif isinstance(thing, type) and is_planner(thing):
-            name: str = vars(thing)["name"]
-            yield PlannerKind(name, partial(_without_arguments, thing))
+        kinds.append(PlannerKind(provider, partial(_model, provider), "MODEL", optional=True))
+    # Other packages add kinds. A planner class is wrapped in a factory without arguments.
+    for part in offered("palpate.planners"):
+        if isinstance(part, PlannerKind):
+            kinds.append(part)
+        elif isinstance(part, type) and is_planner(part):
+            kinds.append(PlannerKind(vars(part)["name"], partial(_without_arguments, part)))
+    return Planners((kind.name, kind) for kind in kinds)
 
 
 def is_planner(cls: type) -> TypeGuard[type[Planner]]:

@@ -9,7 +9,7 @@ from types import ModuleType
 from typing import Any
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import extensions, public
+from palpate.common.extensions import Registry, extensions, public
 from palpate.estimation.quantities.catalogue import GROUP as QUANTITIES
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.estimation.quantities.quantity import Quantity
@@ -71,30 +71,18 @@ class Vocabulary:
         return f"<Vocabulary: {len(self.primitives)} primitives, {len(self.composites)} composites>"
 
     def primitive(self, name: str) -> type[Primitive]:
-        """The class named `name`.
-
-        Raises:
-            InputError: unknown; the message lists the valid ones.
-        """
+        """Return the class of that name; the error for an unknown one lists the valid ones."""
         if name not in self.primitives:
             raise unknown_name("primitive", name, [*self.primitives, *self.composites])
         return self.primitives[name]
 
     def make(self, type: str, args: Mapping[str, Any]) -> Primitive:
-        """An instance with validated arguments.
-
-        Raises:
-            InputError: unknown primitive. pydantic.ValidationError: arguments that do not fit.
-        """
+        """Make an instance; pydantic raises `ValidationError` for arguments that do not fit."""
         return self.primitive(type)(**self.arguments(type, args))
 
     def arguments(self, type: str, args: Mapping[str, Any]) -> dict[str, Any]:
-        """The arguments without the primitive's own buffer.
-
-        A plan may name that buffer as the paper does: `Force2Mass(gripper_forces)`.
-
-        Raises:
-            InputError: unknown primitive.
+        """Remove the primitive's own buffer, which a plan may name as the paper does:
+        `Force2Mass(gripper_forces)`.
         """
         cls = self.primitive(type)
         buffer = cls.reads or cls.writes
@@ -117,23 +105,17 @@ def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
     Every public concrete `Primitive` of a module is found under its class name. Palpate's own names
     cannot be taken.
     """
-    # Palpate's own names take precedence over those of third parties.
-    own: dict[str, type[Primitive]] = {}
-    for module in CORE:
-        own |= {cls.__name__: cls for cls in _public(module) if cls.__module__ == module.__name__}
-    theirs: dict[str, type[Primitive]] = {}
-    for module in third_parties:
-        for cls in _public(module):
-            theirs.setdefault(cls.__name__, cls)
-    added = {name: theirs[name] for name in sorted(theirs) if name not in own}
-    return Vocabulary({**own, **added})
+    own = [cls for module in CORE for cls in _public(module) if cls.__module__ == module.__name__]
+    others = [cls for module in third_parties for cls in _public(module)]
+    others.sort(key=lambda cls: cls.__name__)
+    return Vocabulary(Registry((cls.__name__, cls) for cls in (*own, *others)))
 
 
 def _public(module: ModuleType) -> Iterator[type[Primitive]]:
     """Public concrete primitives of a module, in its order."""
-    for thing in public(module):
-        if isinstance(thing, type) and issubclass(thing, Primitive) and thing not in ABSTRACT:
-            yield thing
+    for part in public(module):
+        if isinstance(part, type) and issubclass(part, Primitive) and part not in ABSTRACT:
+            yield part
 
 
 @cache
@@ -145,7 +127,6 @@ def vocabulary() -> Vocabulary:
         InputError: an entry point's module cannot be loaded, or a conversion measures a quantity
             that the catalogue lacks; the message names it.
     """
-    # Load the modules of all entry points.
     found = load_vocabulary(extensions(GROUP))
     for cls in found.primitives.values():
         # A conversion needs its quantity in the catalogue, or its estimate has no name.

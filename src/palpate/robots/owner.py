@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 from typing import Annotated
@@ -11,8 +11,8 @@ from typing import Annotated
 import numpy as np
 from pydantic import BeforeValidator, Field
 
-from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import extensions
+from palpate.common.errors import InputError
+from palpate.common.extensions import Registry, extensions
 from palpate.common.files import Section, plain_number
 from palpate.robots.description import RobotDescription, read_description, reflexes
 from palpate.robots.robot_config import RobotConfig, read_config
@@ -23,14 +23,14 @@ GROUP = "palpate.robots"  # entry points: packages with a `description.yaml`, na
 DEFAULT = "fr3"
 
 
-@dataclass(frozen=True, slots=True)
-class Arms:
-    """Arms by name, with their folders."""
+class Arms(Registry[Path]):
+    """Folders of arms by name."""
 
-    folders: Mapping[str, Path]
-    _read: dict[tuple[Path, int], RobotDescription] = field(
-        default_factory=dict[tuple[Path, int], RobotDescription], repr=False, compare=False
-    )
+    kind = "arm"
+
+    def __init__(self, folders: Mapping[str, Path]) -> None:
+        super().__init__(folders)
+        self._read: dict[tuple[Path, int], RobotDescription] = {}
 
     def load(self, name_or_path: str) -> RobotDescription:
         """Load the arm of that name or folder; an unchanged file is the same object.
@@ -39,16 +39,15 @@ class Arms:
             InputError: unknown; the message lists the valid names. Or the folder's description is
                 not valid.
         """
-        folder = self.folders.get(name_or_path, Path(name_or_path)).resolve()
-        if not (folder / FILE).is_file():
-            raise unknown_name(
-                "arm", name_or_path, self.folders, f"Or give a folder with a {FILE}: PATH/"
-            )
+        folder = Path(name_or_path)
+        if name_or_path in self or not (folder / FILE).is_file():
+            folder = self.named(name_or_path, f"Or give a folder with a {FILE}: PATH/")
+        folder = folder.resolve()
         version = (folder, (folder / FILE).stat().st_mtime_ns)
         if version not in self._read:
-            names = {path.resolve(): name for name, path in self.folders.items()}
+            names = {path.resolve(): name for name, path in self.items()}
             name = names.get(folder, folder.name)
-            self._read[version] = read_description(folder, name, self.folders)
+            self._read[version] = read_description(folder, name, self)
         return self._read[version]
 
 

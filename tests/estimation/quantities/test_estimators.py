@@ -152,7 +152,7 @@ def test_an_estimator_that_fails_costs_its_own_parameter_alone(
 
     broken_package = types.SimpleNamespace(broken=broken, adrift=adrift)
     monkeypatch.setitem(sys.modules, "broken_package", broken_package)
-    known = dict(known_estimators().references)
+    known = dict(known_estimators())
     known |= {"height": {"it": "broken_package:broken"}, "com": {"it": "broken_package:adrift"}}
     asked = [Parameter("table", "height"), Parameter("bottle", "com"), MASS]
     trace = weighing(0.254, noises["none"])

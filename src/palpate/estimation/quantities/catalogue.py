@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from palpate.common.errors import unknown_name
-from palpate.common.extensions import extensions, public
+from palpate.common.extensions import Registry, offered
 from palpate.common.parameter import Parameter
 from palpate.estimation.quantities.com import CentreOfMass, CentreOfMassInSpace
 from palpate.estimation.quantities.fixture_dynamics import Damping, DryFriction, SpringStiffness
@@ -48,35 +47,17 @@ OWN: tuple[type[Quantity], ...] = (
 """Order of the results and of the priors: a prior may use the believed values of earlier quantities."""
 
 
-class Catalogue(Mapping[str, Quantity]):
+class Catalogue(Registry[Quantity]):
     """Quantities by id, in their order."""
 
+    kind = "quantity"
+
     def __init__(self, quantities: Iterable[Quantity]) -> None:
-        self._by_id: dict[str, Quantity] = {}
-        for quantity in quantities:
-            self._by_id.setdefault(quantity.id, quantity)
+        super().__init__((quantity.id, quantity) for quantity in quantities)
 
-    def __getitem__(self, id: str) -> Quantity:
-        return self._by_id[id]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._by_id)
-
-    def __len__(self) -> int:
-        return len(self._by_id)
-
-    def __repr__(self) -> str:
-        return f"<Catalogue: {', '.join(self)}>"
-
-    def named(self, id: str) -> Quantity:
-        """Return the quantity with this id.
-
-        Raises:
-            InputError: There is none; the message lists the valid ones.
-        """
-        if id not in self._by_id:
-            raise unknown_name("quantity", id, self, meant=self.meant(id))
-        return self._by_id[id]
+    def named(self, name: str, hint: str = "", meant: str | None = None) -> Quantity:
+        """Return the quantity with this id; for a synonym the error suggests the id."""
+        return super().named(name, hint, meant or self.meant(name))
 
     def meant(self, word: str) -> str | None:
         """Return the id of the quantity that a word denotes in any language; None for other words."""
@@ -107,12 +88,10 @@ def catalogue() -> Catalogue:
     Raises:
         InputError: The module of an entry point cannot be loaded; the message names it.
     """
-    found = list(OWN)
-    for module in extensions(GROUP):
-        types = [thing for thing in public(module) if isinstance(thing, type)]
-        # Skip abstract bases, which have no id.
-        found += [t for t in types if issubclass(t, Quantity) and "id" in dir(t)]
-    return Catalogue(cls() for cls in found)
+    # Abstract bases have no id, and are skipped.
+    types = (part for part in offered(GROUP) if isinstance(part, type))
+    others = (cls for cls in types if issubclass(cls, Quantity) and "id" in dir(cls))
+    return Catalogue(cls() for cls in (*OWN, *others))
 
 
 # Purposes of a simulation and the quantities that each needs: one table for the prompt of a model, the reading

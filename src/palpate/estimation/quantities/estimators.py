@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from functools import cache
 from importlib import import_module
 from typing import Protocol
@@ -11,7 +11,7 @@ from typing import Protocol
 import numpy as np
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import references
+from palpate.common.extensions import Registry, references
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.estimation.quantities.catalogue import catalogue
@@ -71,15 +71,14 @@ ENTRY_POINTS = "palpate.estimators"
 RECORDING = "recording"
 
 
-@dataclass(frozen=True, slots=True)
-class Estimators:
+class Estimators(Registry[Mapping[str, Reference]]):
     """References to estimators by quantity and name; the first of a quantity is its default."""
 
-    references: Mapping[str, Mapping[str, Reference]]
+    kind = "quantity"
 
     def names(self, quantity: str) -> tuple[str, ...]:
         """Names of the estimators of a quantity, the default first; empty without any."""
-        return tuple(self.references.get(quantity, {}))
+        return tuple(self.get(quantity, {}))
 
     def load(self, quantity: str, name: str | None = None) -> Estimator:
         """Load the estimator `name` of a quantity, or its default.
@@ -91,7 +90,7 @@ class Estimators:
         chosen = name or next(iter(names), "")
         if chosen not in names:
             raise unknown_name(f"estimator of {quantity}", chosen, names)
-        return load_estimator(self.references[quantity][chosen])
+        return load_estimator(self[quantity][chosen])
 
 
 @cache

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from dataclasses import dataclass
 from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, cast
@@ -12,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import extensions, public
+from palpate.common.extensions import Registry, offered
 from palpate.common.files import describe_error, plain_yaml, read_text
 from palpate.robots.description import RobotDescription
 from palpate.robots.noise_levels import LEVELS
@@ -27,20 +25,15 @@ MOST_BASES = 8  # longest chain of files that extend each other
 Content = dict[str, Any]
 
 
-@dataclass(frozen=True, slots=True)
-class NoiseModels:
-    """Noise models by name, or by the path of a file.
+class NoiseModels(Registry[NoiseModel]):
+    """Noise models of other packages by name; palpate's own are read from files for an arm."""
 
-    Attributes:
-        brought: models of other packages.
-    """
-
-    brought: Mapping[str, NoiseModel]
+    kind = "noise"
 
     @property
     def names(self) -> tuple[str, ...]:
         """Names that `--noise` takes in place of a file."""
-        return (*LEVELS, *self.brought)
+        return (*LEVELS, *self)
 
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
         """Load the model of `--noise NAME|FILE.yaml` for an arm, by default the FR3.
@@ -48,8 +41,8 @@ class NoiseModels:
         Raises:
             InputError: unknown (the message lists the names), or the file is no valid model.
         """
-        if name_or_path in self.brought:
-            return self.brought[name_or_path]
+        if name_or_path in self:
+            return self[name_or_path]
         arm = arm or load_description()
         if name_or_path in LEVELS:
             content = own_content(name_or_path, arm)
@@ -156,9 +149,5 @@ def noise_models() -> NoiseModels:
     Raises:
         InputError: an entry point's module cannot be loaded; the message names it.
     """
-    found: dict[str, NoiseModel] = {}
-    for module in extensions(GROUP):
-        for thing in public(module):
-            if isinstance(thing, NoiseModel) and thing.name not in LEVELS:
-                found.setdefault(thing.name, thing)
-    return NoiseModels(found)
+    models = (part for part in offered(GROUP) if isinstance(part, NoiseModel))
+    return NoiseModels((model.name, model) for model in models if model.name not in LEVELS)
