@@ -174,9 +174,10 @@ def test_rounds_end_however_much_more_would_narrow_it(
     assert "more work would narrow it" in mass.method
 
 
-def test_after_a_round_that_narrows_nothing_there_is_no_other(weighed) -> None:
+def test_two_rounds_that_narrow_nothing_are_the_last(weighed) -> None:
+    """One alone may widen an interval, since the noise level is learned again."""
     gone, _ = idle(weighed, 1.0)
-    assert gone == 1
+    assert gone == 2
 
 
 def idle(weighed: Weighed, seconds: float) -> tuple[int, Estimate]:

@@ -48,6 +48,8 @@ UNKNOWN_NOISE = 0.01
 Rows = NDArray[np.intp] | slice
 """Rows of a trace's samples."""
 
+MEDIAN_VARIANCE = 0.5 * float(np.pi)
+"""Variance of the median of many normal values, over that of their mean."""
 TINY = 1e-300
 """Avoids a division by zero with perfect signals."""
 RANK = 1e-9
@@ -103,8 +105,10 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
     if long is None:
         return SignalLevels(white, np.zeros_like(white), sure)
     # Excess of long blocks over white noise: the median over the signals, less its own scatter.
+    # Both block lengths scatter, and a median scatters more than a mean of normal values.
     excess = float(np.median(long.white / np.maximum(white, TINY))) - 1.0
-    unsure = float(np.sqrt(2.0 * OVERLAP / (long.count * len(white))))
+    counts = 1.0 / long.count + 1.0 / short.count
+    unsure = float(np.sqrt(MEDIAN_VARIANCE * 2.0 * OVERLAP * counts / len(white)))
     beyond = max(0.0, excess - STANDS_OUT * unsure)
     # Level of 1/f noise over white noise, and its share in the variance of a pass.
     slow = beyond / (FLICKER_HADAMARD * (long.rows - short.rows))

@@ -228,7 +228,9 @@ noticeably. The cost of an estimate grows with the cube of its data. A round of 
 hammer takes 115 s.
 """
 FUTILE = 0.98
-"""Largest ratio of an interval after a round to the one before, for another round to follow."""
+"""Largest ratio of an interval to the one two rounds before, for another round to follow.
+
+The noise level is learned again after each round, so that one round alone may widen an interval."""
 
 Lacking = dict[Parameter, Precision]
 """Parameter with a wider interval than requested."""
@@ -247,21 +249,22 @@ def repeat(
 
     `say` shows the purpose of each round.
     """
-    done, before = first, Lacking()
+    done = first
+    widths: dict[Parameter, list[float]] = {}
     asked = [parameter for parameter in plan.parameters if within.of(parameter) is not None]
     so_far = Counter(asked)
     for count in range(1, MAX_ROUNDS + 1):
         took = done.robot_seconds - first.robot_seconds
         if not asked or done.status != "complete" or took > LONGEST:
             break
-        lacking = dict(too_wide(asked, done, scene, within))
-        # Repeat only parameters whose interval the last round narrowed, if there was one.
-        asked = [
-            parameter
-            for parameter, now in lacking.items()
-            if parameter not in before or now.reached < FUTILE * before[parameter].reached
-        ]
-        before = lacking = {parameter: lacking[parameter] for parameter in asked}
+        lacking: Lacking = {}
+        for parameter, precision in too_wide(asked, done, scene, within):
+            past = widths.setdefault(parameter, [])
+            # Repeat only parameters whose interval the last two rounds narrowed, if there were two.
+            if len(past) < 2 or precision.reached < FUTILE * past[-2]:
+                lacking[parameter] = precision
+            past.append(precision.reached)
+        asked = list(lacking)
         # Slides of every other round begin on the opposite side: a dragged object lags behind the hand.
         efforts = efforts_for(lacking, scene, done, so_far)
         again = plan_again(efforts, done, plan.planner, mirrored=count % 2 == 1)
