@@ -229,19 +229,14 @@ class Body:
         return self.tipped @ self.pose_world
 
     def std(self, along: Array) -> float | None:
-        """Compute the standard deviation, m, of its believed position along a direction (3,), world; None
-        where not stated.
-        """
+        """Compute the standard deviation, m, of its believed position along a direction (3,), world; else None."""
         if self.covariance is None:
             return self.accuracy
         return float(np.sqrt(along @ self.covariance[:3, :3] @ along))
 
     @property
     def doubt(self) -> float:
-        """Largest horizontal deviation, m, of its true from its believed position.
-
-        It is `SURE` standard deviations along the worst direction if the covariance is stated, else 0.
-        """
+        """Largest horizontal error, m, of its believed position: `SURE` standard deviations, 0 without covariance."""
         if self.covariance is None:
             return 0.0
         return SURE * float(np.sqrt(np.linalg.eigvalsh(self.covariance[:2, :2])[-1]))

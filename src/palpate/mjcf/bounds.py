@@ -119,9 +119,7 @@ def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
 
 
 def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
-    """Sum the bytes of the loaded meshes of a scene and the models that it attaches, in files and in the
-    text.
-    """
+    """Sum the bytes of the loaded meshes of a scene and its attached models, in files and in the text."""
     total = 0.0
     for named in document.named:
         if named.element.tag == "mesh" and is_loaded(named.element):
@@ -187,9 +185,7 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
 
 
 def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[tuple[str, float]]]:
-    """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, bytes of other
-    files.
-    """
+    """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, other files' bytes."""
     found: dict[Element, list[tuple[str, float]]] = {}
     pixels: dict[Path, int] = {}
     for named in document.named:
@@ -219,11 +215,7 @@ def _weight(flexcomp: Element) -> float:
 
 
 def _picture_pixels(path: Path) -> int:
-    """Return the number of pixels of a PNG picture with a valid unpacked size; 0 for other files.
-
-    Raises:
-        InputError: it has too many pixels, or unpacks to too many bytes.
-    """
+    """Return the number of pixels of a PNG picture with a valid unpacked size; 0 for other files."""
     with open_with_limit(path, MAX_ASSET_BYTES, "a file that a scene may name") as file:
         # Width and height are in the header of the first chunk.
         start = file.read(24)
@@ -305,9 +297,7 @@ def _limit_error(element: Element, where: str, attribute: str, limit: object) ->
 
 
 def _numbers(element: Element, attribute: str) -> Sequence[float]:
-    """Return the absolute values of an attribute's numbers, with nan as inf. MuJoCo refuses values that are
-    no numbers.
-    """
+    """Return the absolute values of an attribute's numbers, with nan as inf; MuJoCo refuses other texts."""
     found: list[float] = []
     for part in tokens(element.get(attribute)):
         try:

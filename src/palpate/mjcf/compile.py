@@ -88,10 +88,7 @@ def without_robots(document: Document, roles: Roles) -> ModelTree:
 def model_tree(
     document: Document, roles: Roles, edits: Iterable[Edit | Insert], is_drawn: bool = True
 ) -> ModelTree:
-    """Return a copy of the document without robots and keyframes, with `edits` applied.
-
-    It has no textures, unless it `is_drawn` and they are not too large.
-    """
+    """Copy the document without robots and keyframes, with `edits`; textures only if it `is_drawn` and they fit."""
     tree = ModelTree.of(document)
     apply(edits, tree.twin_of)
     for root in (tree.root, *tree.attached.values()):
@@ -122,11 +119,7 @@ def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
 
 
 def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
-    """Parse the tree into an editable model; files are found below its folder.
-
-    Raises:
-        InputError: MuJoCo does not accept the scene.
-    """
+    """Parse the tree into an editable model; files are found below its folder."""
     # Attached models are passed as text, by their paths.
     include: dict[str, bytes] = {}
     for path, root in tree.attached.items():
@@ -147,11 +140,7 @@ def compile_spec(tree: ModelTree) -> mujoco.MjSpec:
 
 
 def compile_model(spec: mujoco.MjSpec) -> mujoco.MjModel:
-    """Compile a model.
-
-    Raises:
-        InputError: MuJoCo does not accept the scene.
-    """
+    """Compile a model; an `InputError` has MuJoCo's message."""
     try:
         return spec.compile()
     except (ValueError, mujoco.FatalError) as error:
@@ -290,10 +279,7 @@ def _referenced_names(entry: Element) -> set[str]:
 
 
 def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:
-    """Remove meshes, materials and other assets without a reference.
-
-    `models` are the names of attached models by their files.
-    """
+    """Remove meshes, materials and other assets without a reference; `models` are attached models by file."""
     for tag in _ASSETS:
         # An asset is used if an attribute of its tag's name refers to it.
         used = _references(root, tag)

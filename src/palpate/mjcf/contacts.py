@@ -115,10 +115,7 @@ def what_decides(body: BodyDescription) -> str:
 
 
 def acting_friction(body: BodyDescription) -> float | None:
-    """Return the sliding friction that acts between an object and its support.
-
-    None without a support, and where the contacts differ, so that no single coefficient acts.
-    """
+    """Return the sliding friction between an object and its support; None without one, and where contacts differ."""
     found = [sliding for _, sliding in standing_contacts(body)]
     return found[0] if found and np.ptp(found) < 1e-9 else None
 
@@ -225,9 +222,7 @@ def fingertip_mass(body: BodyDescription) -> float:
 
 
 def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.MjsBody:
-    """Add a free ball that acts like the fingertips in a contact: with the mass that MuJoCo rates, and
-    rubber.
-    """
+    """Add a free rubber ball that acts like the fingertips in a contact, with the mass that MuJoCo rates."""
     body = world.worldbody.add_body(pos=at)
     body.gravcomp = 1.0
     body.add_freejoint()
@@ -260,9 +255,7 @@ def tied_to(body: BodyDescription) -> str:
 
 
 def hanging_force(body: BodyDescription) -> str:
-    """Name a force other than weight on an object that hangs in the hand; empty if it is below `NEGLIGIBLE`
-    of the weight.
-    """
+    """Name a force other than weight on an object in the hand; empty below `NEGLIGIBLE` of the weight."""
     model = body.shapes.model
     # Only a free object hangs in the hand.
     joint = int(model.body(body.name).jntadr[0])

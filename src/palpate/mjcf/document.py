@@ -30,9 +30,7 @@ COUNTS = {"pos": 3, "diaginertia": 3, "fullinertia": 6, "range": 2}
 
 @dataclass(frozen=True, slots=True)
 class Place:
-    """Position of an element: the included file or attached model, None for the main text, and the number of
-    preceding start tags in it.
-    """
+    """File of an element, None for the main text, and the number of start tags before it."""
 
     file: Path | None
     number: int
@@ -103,11 +101,7 @@ class Document:
 
     @property
     def worldbody(self) -> Element:
-        """The (first) worldbody.
-
-        Raises:
-            InputError: missing.
-        """
+        """Return the (first) worldbody; an `InputError` if there is none."""
         found = self.root.find("worldbody")
         if found is None:
             raise InputError("the scene has no <worldbody>, so there is nothing in it")
@@ -127,11 +121,7 @@ class Document:
 
 
 def read_text(path: Path) -> str:
-    """Read an XML file.
-
-    Raises:
-        InputError: not a regular file, not readable, too large or not utf-8.
-    """
+    """Read an XML file of at most `MAX_BYTES`."""
     return files.read_text(path, MAX_BYTES, "an MJCF scene")
 
 
@@ -210,9 +200,7 @@ def compiler_settings(root: Element) -> dict[str, str]:
 
 
 def elements(root: Element) -> Iterator[Element]:
-    """Iterate over `root` and all elements below it, in document order, without comments and
-    instructions.
-    """
+    """Iterate over `root` and all elements below it, in document order, without comments and instructions."""
     return root.iter(etree.Element)  # pyright: ignore[reportUnknownMemberType, reportArgumentType, reportReturnType]
 
 
@@ -241,11 +229,7 @@ def spelled_out(attribute: str, value: str) -> str:
 
 
 def with_tokens(value: str, changes: Mapping[int, str]) -> str:
-    """Replace the i-th parts of `value`, and keep every other character.
-
-    Raises:
-        InputError: it has fewer parts.
-    """
+    """Replace the i-th parts of `value`, and keep every other character; an `InputError` for fewer parts."""
     parts = re.split(r"(\S+)", value)  # white space and numbers alternate: number i is part 2 i + 1
     if 2 * max(changes, default=-1) + 1 >= len(parts):
         raise InputError(
@@ -298,10 +282,7 @@ class Brought:
 
 
 def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
-    """Find the content of an `<attach>` in `model`, which other `<attach>` elements bring (`through`).
-
-    None where its names do not exist, which MuJoCo reports.
-    """
+    """Find the content that an `<attach>` in `model`, itself brought by `through`, brings; None without it."""
     called = attach.get("model")
     source = model if called is None else model.models.get(called)
     if source is None:

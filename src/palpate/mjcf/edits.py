@@ -296,9 +296,7 @@ class Slot:
 
 
 def unknown_only(element: Element, attribute: str, texts: Mapping[int, str]) -> dict[int, str]:
-    """Return the entries of `texts` whose number is `?`; all entries if none is, for a repeated
-    measurement.
-    """
+    """Return the entries of `texts` whose number is `?`; all of them if none is, for a repeated measurement."""
     parts = tokens(element.get(attribute))
     unknown = {i: text for i, text in texts.items() if i < len(parts) and parts[i] == UNKNOWN}
     return unknown or dict(texts)
@@ -314,9 +312,7 @@ def apply(edits: Iterable[Change], twin_of: Mapping[Element, Element]) -> None:
 
 
 def number(value: float, std: float | None = None) -> str:
-    """Format a number: rounded to a tenth of its standard deviation, or to seven significant digits without
-    one.
-    """
+    """Format a number: rounded to a tenth of its standard deviation, without one to seven digits."""
     if std is None or not 0 < std < float("inf"):
         return f"{value:.7g}"
     digits = max(0, -int(f"{std:e}".split("e")[1]) + 1)  # one more than the first digit of std

@@ -130,9 +130,7 @@ class Elements:
     joint: Element | None = None
 
     def moved_by(self) -> Element | None:
-        """Find the nearest ancestor with a pose, by which the element's pose differs from the world's; None
-        without one.
-        """
+        """Find the nearest ancestor with a pose, so that the element's own pose is not the world's."""
         for outer in iter_ancestors(self.element, self.through):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())
             if outer.tag in (*TRANSPARENT, "body") and moves:
@@ -177,9 +175,7 @@ def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, 
 
 
 def meets_hand(geom: Element, defaults: Defaults) -> bool:
-    """Test if a geom collides with an arm's hand, whose `contype` and `conaffinity` are MuJoCo's
-    default, 1.
-    """
+    """Test if a geom collides with an arm's hand, which has MuJoCo's default masks, 1."""
     masks = [defaults.attribute(geom, name) or "1" for name in ("contype", "conaffinity")]
     return any(mask.strip().lstrip("+-").isdigit() and int(mask) & 1 for mask in masks)
 

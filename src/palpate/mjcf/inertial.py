@@ -25,9 +25,7 @@ from palpate.mjcf.shapes import USUAL_DENSITY
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeInertia:
-    """Mass, kg, centre of mass (3,), m, and inertia about it (3, 3), kg m², in the frame of the object's
-    body.
-    """
+    """Mass, kg, centre of mass (3,), m, and inertia about it (3, 3), kg m², in the object's body frame."""
 
     mass: float
     com: Array
@@ -35,10 +33,7 @@ class WholeInertia:
 
 
 def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
-    """Compute the inertia of the body `name` with all bodies below it as one rigid body.
-
-    Values are those of the compiled model, with the joints at the file's configuration.
-    """
+    """Compute the inertia of a body and all bodies below it as one rigid body, at the file's configuration."""
     root = int(model.body(name).id)
     # Pose and inertia of each body of the subtree, in the root body's frame.
     poses = {root: Pose.of((0.0, 0.0, 0.0))}
@@ -68,16 +63,12 @@ def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
 
 
 def parallel_axis(offset: Array) -> Array:
-    """Compute the inertia (3, 3), m², of a unit mass at an offset d: |d|² E - d dᵀ (parallel axis
-    theorem).
-    """
+    """Compute the inertia (3, 3), m², of a unit mass at an offset d by the parallel axis theorem: |d|² E - d dᵀ."""
     return offset @ offset * np.eye(3) - np.outer(offset, offset)
 
 
 def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
-    """Find the geoms that carry a missing mass: those without a mass and a density, or with a `?` in
-    one.
-    """
+    """Find the geoms that carry a missing mass: without mass and density, or with a `?` in one."""
     if body.elements.inertial is not None:
         return ()
     found: list[Element] = []
@@ -158,9 +149,7 @@ def com_of(body: BodyDescription) -> tuple[float, ...]:
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
-    """Compute the inertia xx yy zz xy xz yz, kg m², about `com` (body frame, m), of the geoms scaled to
-    `mass`, kg.
-    """
+    """Compute the inertia xx yy zz xy xz yz, kg m², about `com` (body frame, m), of the geoms scaled to `mass`."""
     return tuple(components(tensor_about(body, mass, np.array(com))))
 
 
@@ -182,10 +171,7 @@ def tensor_about(body: BodyDescription, mass: float, com: Array) -> Array:
 
 
 def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
-    """Yield the geoms from which an object's mass is inferred.
-
-    They are in the compiler's `inertiagrouprange`, and their body has no `<inertial>`.
-    """
+    """Yield the geoms from which mass is inferred: in `inertiagrouprange`, of a body without `<inertial>`."""
     for geom in body.elements.geoms:
         # The compiler infers masses from geoms of some groups only.
         root = geom.getroottree().getroot()
@@ -276,10 +262,7 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
 
 
 def _weights(body: BodyDescription) -> dict[Element, float]:
-    """Return the geoms on which a mass is written, with their shares.
-
-    Shares are by volume where the mass is open, else as in the file.
-    """
+    """Return the shares of a mass by geom: by volume where the mass is open, else as in the file."""
 
     def volume(geom: Element) -> float:
         return max(body.shapes.volume(geom), 1e-12)  # a flat geom has no volume

@@ -77,9 +77,7 @@ def parse_document(
 
 
 def reparse(texts: Texts, like: Document) -> Document:
-    """Parse another version of a document's text, and of some included files, with its other files
-    unchanged.
-    """
+    """Parse another version of a document's text and of some included files, with its other files."""
     parts = {**like.texts, **texts.parts}
     return parse_document(texts.main, like.folder, home=like.home, robots=like.robots, texts=parts)
 

@@ -65,9 +65,7 @@ class Robots:
         return any(self._is_robot(child) for child in moving)
 
     def within(self, prefix: str, root: Element) -> Robots:
-        """Return the evidence for the robots of an attached model, `root`, whose names have a prefix in the
-        scene.
-        """
+        """Return the evidence for the robots of an attached model, `root`, whose names get a prefix in the scene."""
         # Names of the user that belong to the attached model, without its prefix.
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
@@ -228,9 +226,7 @@ class _Model:
 
 
 def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
-    """Sort the children of an element; `world` is True if they are fixed in the world without a named
-    body.
-    """
+    """Sort the children of an element; `world` is True if they are fixed in the world without a named body."""
     for child in children(parent):
         if child.tag in TRANSPARENT:
             _walk(child, found, model, world)
@@ -363,10 +359,7 @@ def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
 
 
 def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str:
-    """Name a body after its geom, its mesh or its shape.
-
-    The name is set in the tree, so that compiled models have it.
-    """
+    """Name a body after its geom, mesh or shape, also in the tree, so that compiled models have the name."""
     # The name is that of the geom, of its mesh, or of its shape, with a number if it is taken.
     shape = found.defaults.attribute(geom, "type") or "sphere"
     stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape

@@ -32,9 +32,7 @@ _TRIANGULATED = (int(mujoco.mjtGeom.mjGEOM_MESH), int(mujoco.mjtGeom.mjGEOM_SDF)
 
 
 def hull_points(model: mujoco.MjModel, geom: int) -> Array:
-    """Compute points (k, 3), m, in the geom's frame whose convex hull is the geom; circles become
-    polygons.
-    """
+    """Compute points (k, 3), m, in the geom's frame whose convex hull is the geom; circles become polygons."""
     kind = int(model.geom_type[geom])
     size = np.array(model.geom_size[geom])
     data = int(model.geom_dataid[geom])
@@ -58,10 +56,7 @@ def hull_points(model: mujoco.MjModel, geom: int) -> Array:
 
 @cache
 def hull_edges(kind: int, count: int) -> NDArray[np.intp]:
-    """Return index pairs (m, 2) of the `count` points of `hull_points` that include all edges of the hull.
-
-    `kind` is MuJoCo's type of the geom.
-    """
+    """Return index pairs (m, 2) of points of `hull_points`, with all edges of the hull; `kind` is MuJoCo's type."""
     if kind == mujoco.mjtGeom.mjGEOM_CYLINDER:
         return _ring_edges(2, _CIRCLE)
     if kind in (mujoco.mjtGeom.mjGEOM_SPHERE, mujoco.mjtGeom.mjGEOM_ELLIPSOID):

@@ -172,11 +172,7 @@ def parse_plan(text: str | bytes) -> Plan:
 
 
 def plan_from(document: object) -> Plan:
-    """Make a plan from a parsed JSON document.
-
-    Raises:
-        InputError: not in the form of a plan; the message states the place.
-    """
+    """Make a plan from a parsed JSON document; an `InputError` states the place of the fault."""
     fields = _mapping(document, "a plan")
     for required in ("parameters", "tree"):
         if required not in fields:
@@ -248,9 +244,7 @@ def _parameters_json(parameters: Iterable[Parameter]) -> list[dict[str, str]]:
 
 
 def dump_plan(plan: Plan, extra: Mapping[str, Any] | None = None) -> str:
-    """Return the plan as deterministic JSON text; `extra` fields, such as a provider's usage, come
-    last.
-    """
+    """Return the plan as deterministic JSON text; `extra` fields, such as a provider's usage, come last."""
     document = plan_json(plan)
     for key, value in (extra or {}).items():
         # Extra fields never replace fields of the plan.

@@ -164,9 +164,7 @@ def in_words(parameters: Sequence[Parameter]) -> str:
 
 
 def _matching(pattern: str, scene: Scene) -> list[Parameter]:
-    """Return the missing parameters that match a pattern; the pattern must name a known body and
-    quantity.
-    """
+    """Return the missing parameters that match a pattern, which must name a known body and quantity."""
     body, _, quantity = pattern.rpartition(".")
     # A pattern with an unknown body or quantity is an error, not an empty match.
     if not any(fnmatchcase(name, body) for name in scene.bodies):

@@ -48,12 +48,7 @@ class ReplayPlanner:
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """Return the plan in the file. Without a scene, the images refine the detected one.
-
-        Raises:
-            InputError: no such file, or not a plan.
-            PlanRejected: no answer of the conversation passes the check.
-        """
+        """Return the plan in the file. Without a scene, the images refine the detected one."""
         text = _read(plan_file(self.path))
         start = text.lstrip()[:200]
         # A conversation begins with the planner and the system prompt; a plan never does.
@@ -92,20 +87,12 @@ class ReplayPlanner:
 
 
 def load_proposal(path: Path) -> Proposal:
-    """Load the plan of a plan file, run folder or chat answer, with the detected objects.
-
-    Raises:
-        InputError: no such file, or not a plan.
-    """
+    """Load the plan of a plan file, run folder or chat answer, with the detected objects."""
     return read_proposal(_read(plan_file(path)))
 
 
 def read_proposal(text: bytes) -> Proposal:
-    """Read a plan from a file's content: JSON alone, or embedded in prose.
-
-    Raises:
-        InputError: the content has no plan.
-    """
+    """Read a plan from a file's content: JSON alone, or embedded in prose; an `InputError` without a plan."""
     from palpate.planning.model.answer import read_answer
 
     try:
@@ -120,11 +107,7 @@ def read_proposal(text: bytes) -> Proposal:
 
 
 def plan_file(path: Path) -> Path:
-    """Return the file of a plan: `path` itself, or `plan.json` in a run folder.
-
-    Raises:
-        InputError: there is no such file.
-    """
+    """Return the file of a plan: `path` itself, or `plan.json` in a run folder; an `InputError` without one."""
     # A folder is a run folder with a plan.json.
     found, lacking = path, f"there is no plan file '{path}'"
     if path.is_dir():
@@ -152,11 +135,7 @@ class Planners(Registry[PlannerKind]):
     kind = "planner"
 
     def make(self, spec: str, settings: PlannerSettings | None = None) -> Planner:
-        """Make the planner of a `spec` such as `symbolic`, `replay:FILE` or `openai:MODEL`.
-
-        Raises:
-            InputError: the spec is unknown; the message lists the valid ones.
-        """
+        """Make the planner of a `spec` such as `symbolic`, `replay:FILE` or `openai:MODEL`."""
         # The part after the colon is the argument of the factory.
         name, _, argument = spec.partition(":")
         kind = self.get(name)

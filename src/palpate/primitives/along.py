@@ -96,10 +96,7 @@ def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
 
 
 def way_to_limit(state: SymbolicState, name: str, sign: float) -> Way | list[Violation]:
-    """The longest way of a fixture towards its upper (1) or lower limit (-1), and beyond it.
-
-    If even the shortest way is inadmissible, its violations are returned.
-    """
+    """Find the longest admissible way of a fixture beyond its upper (1) or lower limit (-1), else violations."""
     joint = state.scene.body(name).joint
     assert joint is not None
     most = joint.room(sign) * joint.lever(state.tcp.position) + BEYOND

@@ -185,10 +185,7 @@ class Blackboard:
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
     def press_on(self, way: Array) -> None:
-        """Clear `pressed` if the motion along `way` (3,), m, presses on: within 60° of the force.
-
-        No force remains of such a contact as the motion goes on.
-        """
+        """Clear `pressed` if the motion along `way` (3,), m, presses on, within 60° of the force."""
         pressed = np.array(self.pressed)
         # cos 60° = 0.5.
         if way @ pressed > 0.5 * np.linalg.norm(way) * np.linalg.norm(pressed):
@@ -248,10 +245,7 @@ class Primitive(BaseModel):
         return () if needs_arguments else (cls(),)
 
     def transferred(self, old: str, new: str) -> Primitive:
-        """The instance for body `new` that corresponds to this one for `old`.
-
-        A planner tries it before a full search.
-        """
+        """Return the instance for body `new` that corresponds to this one for `old`, tried before a full search."""
         return self
 
     def violations(self, state: SymbolicState) -> list[Violation]:
@@ -274,10 +268,7 @@ class Primitive(BaseModel):
         return [*found, *motion.violations(state, after, may_tilt=self.tilts)]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        """Violations of its preconditions, with remedies for a model or a person.
-
-        Rules that primitives share are in `primitives.rules`.
-        """
+        """Return violations of its preconditions, with remedies. Rules of several primitives: `primitives.rules`."""
         return []
 
     @classmethod
@@ -309,10 +300,7 @@ class Primitive(BaseModel):
         return after
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        """Expected forces while this runs; any others violate the safety predicate.
-
-        By default the hand keeps its grasp and its contact.
-        """
+        """Return the expected forces while this runs; any others violate the safety predicate."""
         held = state.holding is not None
         works = state.activity in ("working", "limit")
         touching = works or state.activity in ("contact", "sliding")

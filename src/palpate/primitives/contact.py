@@ -262,10 +262,7 @@ class MoveUntilContact(Primitive):
         return self.axis == "-z" and below is not None and is_open(state.scene, below.name)
 
     def _stages(self, state: SymbolicState, z: float) -> list[tuple[float, float]]:
-        """Speed, m/s, and travel, m, of the parts of the motion in order.
-
-        `z` is the height of the start, m. Far above a known height the arm moves faster.
-        """
+        """Return speed, m/s, and travel, m, of the parts of the motion; it is faster far above a known height."""
         below = state.surface_below(state.pose_world_tcp)
         if self.axis != "-z" or below is None:
             return [(PROBE_SPEED, PROBE_TRAVEL)]

@@ -59,10 +59,7 @@ class WrenchFilter:
         self._ticks: deque[Array] = deque(maxlen=SUSTAINED)
 
     def now(self) -> Array:
-        """Update and return the median (6,) of the last ticks; to be called once a tick.
-
-        It is nan in the first ticks: nan neither exceeds nor falls below any threshold.
-        """
+        """Update once a tick and return the median (6,) of the last ticks; nan, which exceeds nothing, at first."""
         self._ticks.append(self._robot.state.contact)
         if len(self._ticks) < SUSTAINED:
             return np.full(6, np.nan)
@@ -136,11 +133,7 @@ def median_wrench(blackboard: Blackboard) -> Generator[float | None, None, Array
 
 
 def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
-    """Wait until all joints and the TCP have been at rest for `dwell` s.
-
-    Raises:
-        LeafFailure: it does not come to rest.
-    """
+    """Wait until all joints and the TCP have been at rest for `dwell` s; `LeafFailure` if they do not rest."""
     start = since = blackboard.robot.state.t
     while (now := blackboard.robot.state.t) - since < dwell:
         since = max(since, _last_motion_time(blackboard))
@@ -150,10 +143,7 @@ def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
 
 
 def _last_motion_time(blackboard: Blackboard) -> float:
-    """Robot time, s, of the last motion in the state and in the samples since the last tick.
-
-    -inf if the arm was at rest.
-    """
+    """Return the robot time, s, of the last motion since the last tick; -inf if the arm was at rest."""
     state, rows = blackboard.robot.state, blackboard.recorder.newest
     if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
         return state.t
@@ -235,10 +225,7 @@ PRESSED = (
 
 
 def span_reflex(of: Reflexes, span: PathSpan, holding: str | None, sets_down: bool) -> Reflex:
-    """Thresholds of the arm's reflex on a span.
-
-    A held object may press on its support while it is lifted or set down.
-    """
+    """Return the reflex thresholds on a span, where a held object may press on its support."""
     if span.guarded and (sets_down or leaves(span.start, span.end)):
         return replace(of.probing, load=of.carrying.load)
     return of.carrying if holding else of.free
@@ -293,10 +280,7 @@ def _is_past(blackboard: Blackboard, span: PathSpan, left: float) -> bool:
 
 
 def _soonest(blackboard: Blackboard, span: PathSpan, left: float, fastest: float) -> float:
-    """Earliest time, s, at which a motion of at most `fastest` m/s may have passed a span.
-
-    inf for the last span: the end of a motion is an event in any case.
-    """
+    """Return the earliest time, s, at which a span may be passed; inf for the last, whose end is an event."""
     return _ahead(blackboard, span) / fastest if left > 0.0 else np.inf
 
 
@@ -373,10 +357,7 @@ def _rest(blackboard: Blackboard) -> Wait:
 
 
 def _is_borne(load: FingerLoad, filtered: WrenchFilter, pressed: float) -> bool:
-    """True if a support carries the whole load.
-
-    A light load is pressed on it with `pressed` N, as its weight alone would not be measurable.
-    """
+    """True if a support carries the whole load; a light load is pressed on it with `pressed` N."""
     wrench = filtered.now()
     if not load.borne(wrench) < 0.0:
         return False
@@ -384,10 +365,7 @@ def _is_borne(load: FingerLoad, filtered: WrenchFilter, pressed: float) -> bool:
 
 
 def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
-    """Drag the held object along its support to a pose, at `most` m/s at most.
-
-    The arm presses lightly, firmly, and lightly again (`PRESSED`).
-    """
+    """Drag the held object to a pose at most at `most` m/s: pressed lightly, firmly, lightly (`PRESSED`)."""
     robot = blackboard.robot
     start, weight = robot.state.target_world_tcp, _weight(blackboard)
     # A larger sideways force than the roughest support exerts is a collision.

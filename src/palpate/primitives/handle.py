@@ -161,10 +161,7 @@ class FindLimits(_Working):
 
 
 def _sides(state: SymbolicState, name: str) -> list[float]:
-    """Signs of the limits to search, 1 for the upper and -1 for the lower, the farther one first.
-
-    They are the open limits, or both if none is open.
-    """
+    """Return the signs of the open limits, or of both, the farther one first: 1 upper, -1 lower."""
     joint = state.scene.body(name).joint
     assert joint is not None
     # Open limits are those that the scene does not state.
@@ -194,10 +191,7 @@ def at_handle(state: SymbolicState, name: str) -> bool:
 
 
 def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Wait:
-    """Close the fingers on a handle; if it is not `held`, only set the reflex.
-
-    The wrench of the empty hand before is the reference of the load.
-    """
+    """Measure the wrench of the empty hand, set the reflex, and if `held` close the fingers on the handle."""
     robot = blackboard.robot
     blackboard.load = FingerLoad((yield from median_wrench(blackboard)))
     blackboard.set_reflex(robot.limits.reflexes.contact)
@@ -208,10 +202,7 @@ def _take_hold(blackboard: Blackboard, name: str, held: bool) -> Wait:
 
 
 def _run_up(blackboard: Blackboard, way: Way) -> Wait:
-    """Move away from the limit first, as far as there is room.
-
-    The force of the motion then shows before the force of the limit.
-    """
+    """Move away from the limit first, so that the force of the motion shows before that of the limit."""
     # Share of the way in the opposite direction, limited by the room there.
     room = way.joint.room(-np.copysign(1.0, way.travel)) / abs(way.travel)
     back = min(RUN_UP / way.length, room)
@@ -222,11 +213,7 @@ def _run_up(blackboard: Blackboard, way: Way) -> Wait:
 def _short_of_limit(
     blackboard: Blackboard, way: Way, name: str
 ) -> Generator[float | None, None, Way]:
-    """Move slowly along the way and back; if a limit is met, return the way that ends before it.
-
-    Raises:
-        LeafFailure: the limit leaves no way of at least `LEAST`.
-    """
+    """Move slowly along the way and back; if a limit is met, return the way that ends before it."""
     shorter = way
     if (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
         shorter = way.short_of(blackboard.robot.state.pose_world_tcp.position)
@@ -252,11 +239,7 @@ def _let_go(blackboard: Blackboard, way: Way, held: bool) -> Wait:
 def _pass(
     blackboard: Blackboard, way: Way, share: float, speed: float, held: bool, to_limit: bool = False
 ) -> Generator[float | None, None, bool]:
-    """Move to a share of the way, and rest; True if a limit stopped it (`to_limit`).
-
-    Raises:
-        LeafFailure: the fixture is stuck, or slips out of the fingers.
-    """
+    """Move to a share of the way, and rest; True if a limit stopped it (`to_limit`)."""
     robot, joint = blackboard.robot, way.joint
     filtered, met = WrenchFilter(robot), False
     _start_motion(blackboard, way, share, speed)
@@ -293,10 +276,7 @@ def _start_motion(blackboard: Blackboard, way: Way, share: float, speed: float) 
 
 
 def _bring_back(blackboard: Blackboard, way: Way) -> Wait:
-    """Push until the fixture is at its original place.
-
-    The arm lags behind its target by friction over stiffness.
-    """
+    """Push until the fixture is at its place; the arm lags its target by friction over stiffness."""
     robot, start = blackboard.robot, way.start
     target = start
     for _ in range(CORRECTIONS):

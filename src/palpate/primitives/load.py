@@ -108,10 +108,7 @@ class FingerLoad:
         return float(wrench[2] - self.empty[2])
 
     def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
-        """Reason against opening the fingers at `wrench` (6,): they would drop their load.
-
-        None if they may open. `spare`, N, is an additional margin for a later change of the wrench.
-        """
+        """Return the reason why opening at `wrench` (6,) would drop the load, with a margin `spare`, N; else None."""
         # An object that never hung free: compare with the wrench of the empty fingers.
         if self.hanging is None:
             bears = self.borne(wrench)
@@ -124,10 +121,7 @@ class FingerLoad:
         )
 
     def support_load(self, wrench: Array) -> float:
-        """Load, N, that the support takes off the fingers at `wrench` (6,).
-
-        0 if the object never hung free.
-        """
+        """Return the load, N, that the support takes off the fingers; 0 if the object never hung free."""
         return 0.0 if self.hanging is None else float(self.hanging[2] - wrench[2])
 
 

@@ -215,11 +215,7 @@ class MovePose(Primitive):
         return f"set down {1e3 * early:.1f} mm early"
 
     def _distance_clause(self, blackboard: Blackboard, target: Pose) -> str:
-        """Distance of the arm from its target, as text.
-
-        Raises:
-            LeafFailure: too far.
-        """
+        """Return the distance of the arm from its target as text; `LeafFailure` if it is too far."""
         measured = blackboard.robot.state.pose_world_tcp
         distance, angle = measured.distance_to(target), measured.angle_to(target)
         if distance > POSITION_TOLERANCE and blackboard.state.holding:
@@ -255,11 +251,7 @@ class MoveJoints(Primitive):
     ]
 
     def target(self, state: SymbolicState) -> Array:
-        """Joint angles (7,), rad.
-
-        Raises:
-            InputError: unknown name, or not seven numbers.
-        """
+        """Return the joint angles (7,), rad; an `InputError` for an unknown name or a wrong number of angles."""
         if isinstance(self.joints, str):
             return state.scene.symbols.joints(self.joints)
         if len(self.joints) != 7:
@@ -336,11 +328,7 @@ def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicStat
 
 
 def _weigh(blackboard: Blackboard) -> Wait:
-    """Measure the load that hangs free.
-
-    Raises:
-        LeafFailure: it turned in the fingers since its grasp, or exceeds the payload.
-    """
+    """Measure the load that hangs free; it must hang as grasped, and within the payload."""
     robot, scene, name = blackboard.robot, blackboard.scene, blackboard.state.holding
     wrench = yield from median_wrench(blackboard)
     here = robot.state

@@ -131,11 +131,7 @@ class SymbolicState:
     )
 
     def after(self, primitive: StateChange) -> SymbolicState:
-        """State after SUCCESS of a primitive: its `effects`, computed once.
-
-        Raises:
-            InputError: it goes to an unknown pose.
-        """
+        """Return the state after SUCCESS of a primitive: its `effects`, computed once."""
         # The primitive is kept with the result, so that no other object gets its id.
         found = self._next.get(id(primitive))
         if found is None:
@@ -171,11 +167,7 @@ class SymbolicState:
         )
 
     def resolve(self, expression: str) -> Pose:
-        """TCP pose in the world of a pose expression.
-
-        Raises:
-            InputError: as `Symbols.resolve`.
-        """
+        """Return the TCP pose in the world of a pose expression, as `Symbols.resolve`."""
         return self.scene.symbols.resolve(expression, self.bound)
 
     def pose_of(self, name: str) -> Pose:
@@ -217,10 +209,7 @@ class SymbolicState:
     def touched(
         self, name: str, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
     ) -> SymbolicState:
-        """State after a body was touched; see `Belief.touched`.
-
-        A body that is not held gets the corrected pose, and its named poses move with it.
-        """
+        """State after a touch (`Belief.touched`); a body that is not held moves with its named poses."""
         before = self.belief_of(name)
         if before is None:
             return self
@@ -308,10 +297,7 @@ class SymbolicState:
         return [body for body in found if body.name != self.holding]
 
     def object_at(self, pose_world_tcp: Pose | None) -> Body | None:
-        """Object that the fingers would grasp at a pose: the one nearest to their middle.
-
-        None if no object is between the pads, or for an unknown pose.
-        """
+        """Object between the pads at a pose, nearest to their middle; None for an unknown pose."""
         if pose_world_tcp is None:
             return None
         pose = pose_world_tcp
@@ -337,10 +323,7 @@ class SymbolicState:
         return grip(solids(self.scene), body.name, pose_tcp_object)
 
     def surface_below(self, pose_world_tcp: Pose | None) -> Body | None:
-        """Surface or object that a guarded descent from a pose would touch first.
-
-        None for an unknown pose, or with no body below.
-        """
+        """Body that a guarded descent from a pose would touch first; None without one, or for an unknown pose."""
         if pose_world_tcp is None:
             return None
         x, y, z = pose_world_tcp.position.tolist()

@@ -60,10 +60,7 @@ BENT = math.radians(10.0)
 
 
 def swing_angle(pace: MotionLimits, frequency: float) -> float:
-    """Amplitude, rad, of a swing at `frequency`, Hz, within the pace's speed and acceleration.
-
-    A = min(v / ω, a / ω²) with ω = 2 π f.
-    """
+    """Amplitude, rad, of a swing at `frequency`, Hz: min(v / ω, a / ω²), with ω = 2 π f and the pace's limits."""
     rate = 2.0 * math.pi * frequency
     acceleration = (pace.swinging_acceleration or 0.0) / SWING_PEAK
     return min(SLACK * pace.turning_speed / rate, acceleration / rate**2)
@@ -201,10 +198,7 @@ class Tilt(_Turning):
         return super().requires(state) or [*self._straightening(state)]
 
     def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation for a tilt that brings the wrist near to straight.
-
-        Joint friction would then be taken for a collision.
-        """
+        """Violation for a tilt near a straight wrist, where joint friction would be taken for a collision."""
         scene, here = state.scene, state.tcp
         most = PRETENDED * scene.arm.limits.reflexes.free.torque
         for turn in self.turns(state):
@@ -311,10 +305,7 @@ class Swing(_Turning):
             )
 
     def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
-        """Violation for a swing in which the held object would turn in the grip.
-
-        The moment is m g l + I α, with the known or believed mass and centre of mass.
-        """
+        """Violation for a swing in which the load would turn in the grip, with the moment m g l + I α."""
         if state.holding is None or state.pose_tcp_object is None:
             return
         scene, shapes = state.scene, solids(state.scene)

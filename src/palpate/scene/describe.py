@@ -64,8 +64,7 @@ def name_words(name: str) -> set[str]:
 def thing_words(
     name: str, element: Element, geoms: tuple[Element, ...], defaults: Defaults, shapes: bool = True
 ) -> frozenset[str]:
-    """Words for the body or geom `name` made of `geoms`, with the names of its parts; `shapes` adds
-    `box`, `ball`, …"""
+    """Words for the body or geom `name` with `geoms` and named parts; `shapes` adds `box`, `ball`, …"""
     # Names of all parts, and colours of the geoms.
     words = name_words(name)
     root = element.getroottree().getroot()
@@ -242,11 +241,7 @@ def _describe_bodies(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, Bo
 def _refuse_other_unknowns(
     document: Document, roles: Roles, slots: Iterable[Slot], catalogue: Catalogue
 ) -> None:
-    """Refuse a `?` outside all slots; a world has an empty catalogue, so each `?` is refused.
-
-    Raises:
-        InputError: such a `?`, or `nan` as a number.
-    """
+    """Refuse `nan`, and a `?` outside all slots; in a world, which has an empty catalogue, every `?`."""
     allowed: dict[tuple[Element, str], list[Slot]] = {}
     for slot in slots:
         allowed.setdefault((slot.element, slot.attribute), []).append(slot)
@@ -312,11 +307,7 @@ def _no_object(element: Element, roles: Roles) -> str:
 
 
 def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
-    """Yield the changes that move bodies to the given poses, except a z that the file writes `?`.
-
-    Raises:
-        InputError: a body that is not placed by its own pos.
-    """
+    """Yield the changes that move bodies to the given poses, except a z that the file writes `?`."""
     for name, entry in poses.objects.items():
         element = roles.bodies[name].element
         if roles.bodies[name].moved_by() is not None or element.get("fromto"):
@@ -418,10 +409,7 @@ def _carries(surface: BodyDescription, point: Array) -> bool:
 
 
 def _is_level(shapes: Shapes, geom: Element) -> bool:
-    """True if the geom has a level face on top: a level box, or an upright cylinder or plane.
-
-    Meshes and height fields are accepted as they are.
-    """
+    """True if the geom has a level top: a level box, an upright cylinder or plane; any mesh or height field."""
     kind = int(shapes.model.geom_type[shapes.geom_ids[geom]])
     up = np.abs(shapes.data.geom_xmat[shapes.geom_ids[geom]].reshape(3, 3)[2])
     if kind == mujoco.mjtGeom.mjGEOM_BOX:

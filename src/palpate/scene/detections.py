@@ -58,11 +58,7 @@ FOOT = 0.20  # m, radius around the arm's foot: its base extends so far, and its
 def planes_and_things(
     objects: Sequence[SceneObject],
 ) -> tuple[list[SceneObject], list[SceneObject]]:
-    """Sort detections into planes and objects.
-
-    Raises:
-        InputError: no planes, or a name twice.
-    """
+    """Sort detections into planes and objects; an `InputError` without a plane, or for a name given twice."""
     for name, following in pairwise(sorted(thing.name for thing in objects)):
         if name == following:
             raise InputError(f"scene: '{name}' is listed twice; give every thing a name of its own")
@@ -131,10 +127,7 @@ Box = tuple[float, float, float, float]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColourRegion:
-    """Connected region of another colour than the table.
-
-    `box` is (left, top, right, bottom) and `outline` (n, 2), in pixels.
-    """
+    """Region of another colour than the table: `box` (left, top, right, bottom), `outline` (n, 2), pixels."""
 
     box: Box
     outline: Array
@@ -278,11 +271,7 @@ def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixe
 
 
 def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array) -> None:
-    """Refuse a box of bare table if the picture has a region of its size elsewhere.
-
-    Raises:
-        InputError: with the nearest one's distance and size, worded for the model.
-    """
+    """Refuse a box of bare table if the picture has a region of its size elsewhere, in words for the model."""
     if not alike:
         return
     # State the nearest candidate, so that the model can compare it with its box.

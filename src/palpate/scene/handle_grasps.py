@@ -185,10 +185,7 @@ def _grasp_along(
     around: Sequence[Array],
     base: Pose,
 ) -> Grasp | None:
-    """The grasp of a hand that approaches along a level unit `direction` (3,).
-
-    None if it does not fit, or is out of reach.
-    """
+    """The grasp of a hand that approaches along a level unit `direction` (3,); None if it fits nowhere."""
     # Rotate the scene so that the approach points down, and derive a top-down grasp.
     frame = Pose.turn(-np.pi / 2 * np.array([-direction[1], direction[0], 0.0]))
     turned = [Convex(shape.points @ frame.rotation, shape.edges) for shape in handle]

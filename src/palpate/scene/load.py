@@ -55,10 +55,7 @@ def moves(scene: Scene, parameter: Parameter) -> bool:
 
 
 def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
-    """The scene with its surfaces at the heights measured in a trace.
-
-    Estimates of the objects on them need these heights.
-    """
+    """The scene with its surfaces at the heights measured in a trace, for estimates of the objects on them."""
     if scene.refit is not None:
         return scene
     # Only surfaces that a plan touched, and whose estimate is identified, are moved.
@@ -69,10 +66,7 @@ def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
 
 
 def untouchable_reason(scene: Scene, name: str) -> str | None:
-    """Reason, with a remedy, why an object must not be touched; else None.
-
-    Its surface was measured too far from the guessed height.
-    """
+    """Reason, with a remedy, not to touch an object whose surface is far from the guessed height; else None."""
     rise = scene.rises.get(name, 0.0)
     if abs(rise) <= GUESS:
         return None
@@ -331,19 +325,12 @@ def scene_from_text(
 
 
 def replace_objects(scene: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
-    """The scene with these entries of `objects` in its poses.yaml; the rest of the file stays.
-
-    Raises:
-        InputError: as `load_scene`.
-    """
+    """The scene with these entries of `objects` in its poses.yaml; the rest of the file stays."""
     return _reread(Texts(scene.text), scene, objects)
 
 
 def rearrange(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
-    """The scene with new `poses` of body frames in the world.
-
-    Measured heights of its surfaces are kept.
-    """
+    """The scene with new `poses` of body frames in the world, and its measured heights."""
     # Read the scene at its given heights, then raise the surfaces to the measured ones.
     given = scene_from_text(scene.text, scene, level(scene, poses))
     for surface in [name for name in scene.rises if name in scene.surfaces]:

@@ -131,10 +131,7 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """Functions that compute poses on demand, unless poses.yaml gives them.
-
-    They are temporary poses, poses above objects, and grasps turned by 90°.
-    """
+    """Functions for poses on demand that poses.yaml does not give: temporary, above objects, and across."""
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]
@@ -304,10 +301,7 @@ def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dic
 
 
 def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) -> Array:
-    """Lift (3,), m, upwards, that clears the neighbours; for a level hand, its retreat.
-
-    `geoms` are the shapes of the body `name`.
-    """
+    """Upward lift (3,), m, of a body with `geoms` that clears its neighbours; a level hand's retreat."""
     lift, bottom = USUAL_LIFT, min(float(geom.points[:, 2].min()) for geom in geoms)
     # Only neighbours in the corridor to the arm are in the way of a carried object.
     for other in geometry.others(name) if points_down(pose) else ():

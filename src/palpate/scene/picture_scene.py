@@ -68,10 +68,7 @@ def fit(
 def _upright(
     camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None
 ) -> FittedShape:
-    """Fit a shape to the four sides of its box by least squares.
-
-    A block is square, and turned only if it is `placed`.
-    """
+    """Fit a shape to the four sides of its box by least squares; a block is turned only if `placed`."""
     from scipy.optimize import least_squares
 
     left, top, right, bottom = thing.bbox
@@ -174,10 +171,7 @@ def _fit_outline(
 
 
 def _bottle(values: Array, level: float) -> Array:
-    """(n, 3) points of rings at the foot, the shoulder and the top.
-
-    `shoulder` is a share of the height, and `neck` a share of the width.
-    """
+    """(n, 3) points of rings at foot, shoulder (a share of the height) and top (a share of the width)."""
     x, y, radius, half, shoulder, neck = values
     ring, top = radius * _RING, neck * radius * _RING
     middle = np.array([x, y])
@@ -202,10 +196,7 @@ def _cuboid(values: Array, level: float) -> Array:
 
 
 def project_points(camera: Camera, points: Array) -> Array:
-    """(n, 2) pixels of (n, 3) world points.
-
-    The depth is at least 1 cm, so that points behind the camera are far outside of the image.
-    """
+    """(n, 2) pixels of (n, 3) world points; those behind the camera are projected far outside."""
     local = (points - camera.pose_world_camera.position) @ camera.pose_world_camera.rotation
     depth = np.maximum(-local[:, 2], 1e-2)
     # Pinhole projection with the optical axis through the image centre.
@@ -293,11 +284,7 @@ class SceneBuilder:
 
     @property
     def camera(self) -> Camera:
-        """The camera that took the picture.
-
-        Raises:
-            InputError: the poses have none.
-        """
+        """The camera that took the picture; an `InputError` if the poses have none."""
         if self.poses.camera is None:
             raise InputError(
                 "a request without a scene needs the camera that took the picture: give its pos, quat, "
@@ -328,11 +315,7 @@ class SceneBuilder:
     def from_detections(
         self, objects: Sequence[SceneObject], images: Sequence[Path] = ()
     ) -> DetectedScene:
-        """Scene of detections in the first of `images`, refined by its pixels.
-
-        Raises:
-            InputError: the image cannot be read, or a box shows bare table.
-        """
+        """Scene of detections in the first of `images`, refined by its pixels."""
         if images:
             objects = sharpen_boxes(objects, load_image(images[0]))
         return DetectedScene(self, tuple(objects))

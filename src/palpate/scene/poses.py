@@ -112,10 +112,7 @@ class ObjectEntry(PoseEntry):
 
     @property
     def accuracy(self) -> float | None:
-        """Largest standard deviation of its horizontal position, m; None if not stated.
-
-        It is the square root of the larger eigenvalue of the (2, 2) covariance of x and y.
-        """
+        """Largest standard deviation of its horizontal position, m, by the covariance of x and y; else None."""
         if self.covariance is None:
             return self.std
         # Larger eigenvalue: (xx + yy) / 2 + sqrt(((xx - yy) / 2)² + xy²).
@@ -160,11 +157,7 @@ class Poses(_Strict):
 
 
 def read_poses(path: Path) -> Poses:
-    """Read and validate a poses file.
-
-    Raises:
-        InputError: unreadable, too large, not YAML, or not of this form.
-    """
+    """Read and validate a poses file; an `InputError` states the entry and its form."""
     return parse_poses(read_text(path, MAX_BYTES, "poses"), str(path))
 
 
@@ -182,11 +175,7 @@ def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses
 
 
 def parse_poses(text: str, where: str = "poses") -> Poses:
-    """Parse poses as `read_poses`, from text.
-
-    Raises:
-        InputError: not YAML, or not of this form.
-    """
+    """Parse poses from text, as `read_poses`."""
     # An empty file is valid: every section is optional.
     content: Any = plain_yaml(text, where)
     try:

@@ -69,10 +69,7 @@ def overlap_of(scene: ResolvedScene, name: str) -> str:
 
 
 def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
-    """Describe each object that overlaps another body, the deepest overlap first.
-
-    Keys are the names of object and body. The depths come from MuJoCo's contacts at the given poses.
-    """
+    """Describe overlaps of objects with other bodies by MuJoCo's contacts, the deepest first, by both names."""
     model, data = scene.shapes.model, mujoco.MjData(scene.shapes.model)
     mujoco.mj_fwdPosition(model, data)
     bodies, ids = scene.description.bodies, scene.shapes.geom_ids

@@ -75,11 +75,7 @@ class ResolvedScene:
         return merged
 
     def changes(self, values: Values, known: Values) -> list[Change]:
-        """Changes of the file that state `values`; these may depend on `known` values.
-
-        Raises:
-            InputError: a value that has no place in the file.
-        """
+        """Changes of the file that state `values`; these may depend on `known` values."""
         return list(changes(self.description.bodies, self.catalogue, values, known, {}))
 
     def spec(self, values: Values) -> mujoco.MjSpec:
@@ -172,12 +168,7 @@ def _covariance(entry: ObjectEntry) -> Array | None:
 
 
 def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedScene:
-    """Describe the document's bodies, set priors for missing parameters, and compile the geometry.
-
-    Raises:
-        InputError: a `?` where nothing can be measured, names that do not match, scenes that MuJoCo
-            does not accept.
-    """
+    """Describe the document's bodies, set priors for missing parameters, and compile the geometry."""
     # A world has no open quantity, and begins exactly as MuJoCo compiles it.
     description = describe(document, poses, catalogue, settled=bool(catalogue))
     priors = beliefs(description.bodies, catalogue)

@@ -79,11 +79,7 @@ def kinds() -> dict[str, dict[str, list[float]]]:
 
 
 def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
-    """Place an object for each name, in rows in front of the arm.
-
-    Raises:
-        InputError: too many, a name twice, or not a name.
-    """
+    """Place an object for each name, in rows in front of the arm; at most `MAX_THINGS`, all with other names."""
     # More objects than places in front of the arm.
     if len(names) > MAX_THINGS:
         raise InputError(
@@ -110,11 +106,7 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
 
 
 def identifier(text: str) -> str:
-    """Turn a text into a name for MJCF and plans: letters, digits and underscores.
-
-    Raises:
-        InputError: no letter first, or too long.
-    """
+    """Turn a text into a name for MJCF and plans: a letter, then letters, digits and underscores."""
     # Runs of other characters become one underscore.
     name = re.sub(r"\W+", "_", text.strip()).strip("_")
     if not name or not name[0].isalpha() or len(name) > MAX_NAME:
@@ -211,11 +203,7 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
 
 
 def written(folder: Path, texts: Mapping[str, str]) -> None:
-    """Write all files, or none if one of them exists.
-
-    Raises:
-        InputError: one exists, or the folder cannot be written.
-    """
+    """Write all files, or none and raise an `InputError` if one of them exists."""
     for name in texts:
         if (folder / name).exists():
             raise InputError(f"'{folder / name}' is there already: name another folder")

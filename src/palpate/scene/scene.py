@@ -101,11 +101,7 @@ class Scene:
         return self.resolved.document.files
 
     def body(self, name: str) -> Body:
-        """Return the object, surface or fixture `name`.
-
-        Raises:
-            InputError: unknown; the message lists the valid ones.
-        """
+        """Return the object, surface or fixture `name`; the error for an unknown one lists the valid ones."""
         if name not in self.bodies:
             raise unknown_name("object or surface", name, self.bodies)
         return self.bodies[name]
@@ -121,18 +117,11 @@ class Scene:
         return tuple(found)
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
-        """The scene as an editable model without any robot.
-
-        Unknowns are taken from `values`, and otherwise from the priors.
-        """
+        """The scene as an editable model without any robot; unknowns are from `values`, else from the priors."""
         return self.resolved.spec(values or {})
 
     def spec_with(self, robot: mujoco.MjSpec) -> mujoco.MjSpec:
-        """The scene as a model with a robot at its base, for pictures and not for simulation.
-
-        Raises:
-            InputError: the robot cannot be attached to the scene.
-        """
+        """The scene as a model with a robot at its base, for pictures and not for simulation."""
         spec = self.spec()
         # Keyframes do not fit a model with further joints.
         for key in list(spec.keys):

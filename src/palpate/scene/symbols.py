@@ -168,10 +168,7 @@ class Symbols:
         return self._read[expression]
 
     def found_out(self, expression: str) -> str | None:
-        """Name of the pose in an expression if its position is measured in a run.
-
-        None for other poses, or for an invalid expression.
-        """
+        """Name of the pose in an expression if its position is measured in a run, else None."""
         try:
             name = self.parse(expression).name if self.lines else None
         except InputError:
@@ -207,11 +204,7 @@ class Symbols:
         return base.translate(self.shift(parsed.name, base, shift))
 
     def pose(self, name: str, bound: Mapping[str, float] | None = None) -> Pose:
-        """TCP pose in the world of a name; `bound` as for `resolve`.
-
-        Raises:
-            InputError: unknown, no room for it, or a position outside its line.
-        """
+        """TCP pose in the world of a name; `bound` and errors as for `resolve`."""
         # Given or derived poses first, then lines, then poses computed on demand.
         if name in self.poses:
             return self.poses[name]
@@ -272,11 +265,7 @@ class Symbols:
         )
 
     def joints(self, name: str) -> Array:
-        """Joint configuration (7,), rad.
-
-        Raises:
-            InputError: unknown; the message lists the valid ones.
-        """
+        """Joint configuration (7,), rad; the error for an unknown name lists the valid ones."""
         if name not in self.configurations:
             # With a single configuration, any unknown name is a misspelling of it.
             (meant, *others) = self.configurations
@@ -294,8 +283,7 @@ class Symbols:
         return self.parse(expression)
 
     def _leading_name(self, text: str) -> tuple[str, str]:
-        """Split an expression into the pose's name and the terms. A name may contain a minus, so the
-        longest match is taken."""
+        """Split an expression into the longest pose name, which may contain a minus, and the terms."""
         signs = [sign.start() for sign in re.finditer(r"[+\-−]", text)]
         heads = [text[:end].rstrip() for end in (len(text), *reversed(signs))]
         for known in (self._names, self._aliases):

@@ -137,9 +137,7 @@ def _inertial(
 
 
 def physical(tensor: Array) -> bool:
-    """True if a rigid body can have an inertia (3, 3): positive moments, and none above the sum of
-    the others.
-    """
+    """True if a rigid body can have an inertia (3, 3): positive moments, none above the sum of the others."""
     # Triangle inequality of the principal moments.
     moments = np.linalg.eigvalsh(tensor)
     return bool(moments[0] > 0.0 and moments[2] <= moments[0] + moments[1])

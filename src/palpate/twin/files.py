@@ -23,9 +23,7 @@ Attributes = Mapping[tuple[int, str], str]
 
 
 def one_text(document: Document, texts: Texts) -> str:
-    """Return the main text of a twin. If an included file has changed, the contents of all replace
-    the includes.
-    """
+    """Return the main text of a twin; a changed include puts the contents of all in place of the includes."""
     if texts.parts.keys().isdisjoint(document.includes.values()):
         return texts.main
     return inlined(document, texts)
@@ -95,11 +93,7 @@ class _Packing:
         self.texts[name] = spans.apply_changes(flat.text, changes)
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
-        """Pack a file under a free name.
-
-        An asset keeps its own name, by which MuJoCo refers to it. Models are in the folder of the
-        main text, to which the names of their files are relative.
-        """
+        """Pack a file under a free name: an asset under its own, a model in the folder of the main text."""
         # Add a number until the name is free.
         taken = {self.main, *self.names.values()}
         name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
@@ -157,9 +151,7 @@ def write_files(texts: Texts, document: Document | None, path: Path) -> tuple[Pa
 
 
 def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts:
-    """Make the `<compiler>` folders outside of the scene's folder absolute, so that the names of
-    their files stay valid.
-    """
+    """Make the `<compiler>` folders outside of the scene's folder absolute, so that names stay valid."""
     after = reparse(texts, document)
     assert after.folder is not None
     folder = after.folder.resolve()
@@ -234,9 +226,7 @@ class _Layout:
         return found
 
     def rename_one(self) -> bool:
-        """Change the first unchanged file whose text needs a new name; return False if there is
-        none.
-        """
+        """Change the first unchanged file whose text needs a new name; return False if there is none."""
         for named in self.after.named:
             file = self.after.index[named.element].file
             if file is not None and file not in self.changed and self.needs_new_name(named):
@@ -245,9 +235,7 @@ class _Layout:
         return False
 
     def change(self, original: Path, text: str) -> None:
-        """Assign a free place to a changed file: its own, else one with the twin's name as a
-        prefix.
-        """
+        """Assign a free place to a changed file: its own, else one with the twin's name as a prefix."""
         self.changed[original] = text
         place = self.same_place(original)
         if place is None or place.exists():
@@ -258,9 +246,7 @@ class _Layout:
         self.places[original] = place
 
     def with_new_names(self, file: Path | None, text: str) -> str:
-        """Change the names of files that would not be found: relative ones below their folder, else
-        absolute ones.
-        """
+        """Change the names of files that would not be found: relative ones below their folder, else absolute ones."""
         values: dict[tuple[int, str], str] = {}
         for named in self.after.named:
             index = self.after.index[named.element]
@@ -272,9 +258,7 @@ class _Layout:
         return with_values(text, values)
 
     def needs_new_name(self, named: Named) -> bool:
-        """True if MuJoCo would not find a file, relative to the main text or to the file that names
-        it.
-        """
+        """True if MuJoCo would not find a file, relative to the main text or to the file that names it."""
         # Resolve the name as MuJoCo does: first relative to the main text.
         wanted = self.places[named.path]
         found = Path(os.path.normpath(self.folder_of(named) / named.located))
@@ -289,9 +273,7 @@ class _Layout:
         return (self.path if named.model is None else self.places[named.model]).parent
 
     def same_place(self, original: Path) -> Path | None:
-        """Place below the twin's folder that corresponds to the one below the scene's; None outside
-        of it.
-        """
+        """Place below the twin's folder that corresponds to the one below the scene's; None outside of it."""
         assert self.after.folder is not None
         folder = self.after.folder.resolve()
         if not original.is_relative_to(folder):

@@ -67,8 +67,7 @@ def inject(
 
 
 def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
-    """List the `?` attributes that must be filled before MuJoCo reads the file, in document
-    order."""
+    """List the `?` attributes that must be filled before MuJoCo reads the file, in document order."""
     return marked_unknown(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
@@ -143,8 +142,7 @@ def complete(
 
 
 def part_names(quantity: str, size: int) -> list[str]:
-    """Names of a quantity's components as parts of another estimate: `mass`, or `com x` and so
-    on."""
+    """Names of a quantity's components as parts of another estimate: `mass`, or `com x` and so on."""
     return [f"{quantity} {axis}".strip() for axis in axes_of(size)]
 
 
@@ -159,11 +157,7 @@ def stated_parameter(parameter: Parameter, quantities: Catalogue) -> Parameter:
 def values_to_write(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter]
 ) -> tuple[dict[Parameter, tuple[float, ...]], list[str]]:
-    """Collect the values to write, and remarks on those that were not requested.
-
-    The latter are missing quantities that are parts of another estimate, as the mass of an object
-    whose centre of mass was estimated.
-    """
+    """Collect the values to write, requested or missing parts of another estimate, and remarks on the latter."""
     # Requested estimates first, then parts that fill gaps.
     values: dict[Parameter, tuple[float, ...]] = {}
     for estimate in estimates:
@@ -222,9 +216,7 @@ def _fill_unknowns(
     fitting: Values,
     estimates: Sequence[Estimate],
 ) -> tuple[Texts, Values]:
-    """Write `fitting` values, and priors for the other `marked` parameters. Return the texts and
-    all written values.
-    """
+    """Write `fitting` values, and priors for other `marked` parameters; return the texts and all values."""
     # Priors fill the unknowns that no value determines.
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.complete_values(unmeasured, fitting)
@@ -270,18 +262,14 @@ def _inject_values(
 
 
 def deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
-    """Smallest standard deviation of each record. It determines the count of digits that are
-    written.
-    """
+    """Smallest standard deviation of each record, which determines the number of written digits."""
     return {record.parameter: float(min(record.stds)) for record in records if record.has_value}
 
 
 def leftovers(
     description: Description, quantities: Catalogue, values: Values, edits: Sequence[Change]
 ) -> Iterator[Edit]:
-    """Remove each `?` that has no meaning any more, because every mass, or friction, is known. Most
-    are in a defaults class.
-    """
+    """Remove each `?` without a meaning, most in a defaults class: every mass, or friction, is known."""
     # Find the attributes that stay unknown.
     answered = {(edit.element, edit.attribute) for edit in edits if isinstance(edit, Edit)}
     needed: set[str] = set()

@@ -54,11 +54,7 @@ from isaaclab.managers import EventTermCfg, SceneEntityCfg"""
 
 
 def write_randomisation(estimates: Sequence[Estimate], folder: Path) -> tuple[Path, list[str]]:
-    """Write the three files into an empty folder.
-
-    Returns:
-        `ranges.json`, and a note for each parameter without a term in the libraries.
-    """
+    """Write the three files; return `ranges.json`, and a note for each parameter that a library has no term for."""
     file = folder / RANGES
     file.write_text(json.dumps(ranges(estimates), indent=2, allow_nan=False) + "\n", "utf-8")
     notes: list[str] = []

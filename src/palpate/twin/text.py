@@ -30,11 +30,7 @@ Attributes = Mapping[tuple[int, str], str | None]
 
 
 def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
-    """Make the changes in the document's texts, each in the file of its element.
-
-    Raises:
-        InputError: anything else would change.
-    """
+    """Make the changes in the document's texts, each in the file of its element, and change nothing else."""
     # Collect the edits of each file; None is the main text.
     by_file: dict[Path | None, list[Change]] = {None: []}
     for edit in edits:
@@ -85,11 +81,7 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
 def require_same(
     document: Document, text: str, result: str, values: Attributes, inserts: Sequence[Insert]
 ) -> None:
-    """Require that the parsed result equals the parsed text after the same changes.
-
-    Raises:
-        InputError: they differ.
-    """
+    """Require that the parsed result equals the parsed text after the same changes."""
     # Apply the changes to the parsed original, and compare its content.
     before, after = parse_xml(text, "the scene"), parse_xml(result, "the twin")
     listed = list(elements(before))
@@ -117,9 +109,7 @@ def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
 
 
 def write_records(text: str, records: Sequence[Estimate]) -> str:
-    """Write `records` into the `<custom>` of the MJCF: existing ones get new data, the others are
-    added.
-    """
+    """Write `records` into the `<custom>` of the MJCF: existing ones get new data, the others are added."""
     if not records:
         return text
     # Find the existing records.
@@ -163,8 +153,7 @@ def as_text(values: Iterable[float]) -> str:
 
 
 def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> spans.TextChange:
-    """Add elements to `<custom>`, with the indentation of the file. A missing `<custom>` is
-    made."""
+    """Add elements to `<custom>`, with the indentation of the file; a missing `<custom>` is made."""
     # Line break and indentation before the first element in the root; none in a text of one line.
     before = data[tags[0].end : tags[1].start]
     line = ""

@@ -195,11 +195,7 @@ def felt_note(scene: Scene, felt: Estimate) -> str:
 def touch(
     twin: Twin, template: Scene, trace: Trace, replay: Replay, given: Replayed | None = None
 ) -> Twin:
-    """Add the residuals of replays in the twin and in `template`, in which unknowns have their
-    priors.
-
-    `given` is the template's replay, if it was started before.
-    """
+    """Add the residuals of replays in the twin and in the `template`; `given` is the latter's if it was started."""
     if twin.validation is None or twin.scene is None:
         return twin
     validation = compare_touch(twin.validation, twin.scene, template, trace, replay, given)

@@ -51,9 +51,7 @@ class Press:
 
 
 def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
-    """Yield a remark on each surface of measured stiffness in the twin: its presses, and their
-    limits of validity.
-    """
+    """Yield a remark on the presses of each surface of measured stiffness, with their limits of validity."""
     for estimate in estimates:
         name = estimate.parameter.object
         if estimate.parameter.quantity != "stiffness" or name not in twin.surfaces:
@@ -79,10 +77,7 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
 
 
 def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
-    """Press the surface of a stiffness `estimate`, N/m, at shares of the largest measured depth.
-
-    An estimate that states no depth gives no presses.
-    """
+    """Press the surface at shares of the largest measured depth; none if the estimate states no depth."""
     if "depth" not in estimate.parts:
         return ()
     ((low, high),) = estimate.intervals.tolist()
@@ -97,9 +92,7 @@ def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
 
 
 def rest_depth(twin: Scene, surface: str, force: float, stiffness: float) -> float:
-    """Simulate a ball that presses a surface of about `stiffness`, N/m, with `force`, N; return the
-    depth at rest, m.
-    """
+    """Simulate a ball that presses a surface of `stiffness`, N/m, with `force`, N; return its depth at rest, m."""
     spec = twin.spec()
     # Put the ball on the top of the surface, at its free place or its centre.
     free = twin.symbols.poses.get(f"{surface}_approach")
@@ -215,10 +208,7 @@ def compare_touch(
     replay: Replay,
     given: Replayed | None = None,
 ) -> Validation:
-    """Add the residuals of twin and template to a validation.
-
-    `given` is the template's replay, if it was started before.
-    """
+    """Add the residuals of twin and template; `given` is the template's replay, if it was started before."""
     return replace(
         validation,
         twin=residual_of(recorded, lambda: replay(twin)),
@@ -227,11 +217,7 @@ def compare_touch(
 
 
 def settle(scene: Scene) -> tuple[bool, float]:
-    """Simulate `SETTLE_TIME` s.
-
-    Returns:
-        True if all objects are at rest, and the largest displacement, m.
-    """
+    """Simulate `SETTLE_TIME` s; return if all objects are at rest, and the largest displacement, m."""
     model = scene.spec().compile()
     # Bound the duration: a scene with smaller steps would take minutes.
     model.opt.timestep = max(model.opt.timestep, FINEST_STEP)
@@ -278,10 +264,7 @@ def mean_recordings(trace: Trace) -> Felt:
 
 
 def mean_force(trace: Trace, recording: Recording) -> Array:
-    """Mean force (3,) of the recording, N, less that of the empty hand at rest at the same pose.
-
-    The force of the empty hand is the bias of the arm.
-    """
+    """Mean force (3,), N, less that of the empty hand at rest at the same pose, the arm's bias."""
     force: Array = trace.of(recording).wrench[:, :3].mean(axis=0)
     empty: list[Array] = []
     for leaf in empty_motions(trace, recording):

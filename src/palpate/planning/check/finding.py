@@ -109,9 +109,7 @@ class CheckedPlan:
 
     @property
     def unclear(self) -> bool:
-        """True if a parameter names an unknown object or quantity, so the aim of the plan is
-        unknown.
-        """
+        """True if a parameter names an unknown object or quantity, so that the aim of the plan is unknown."""
         return any(not self.exists(parameter) for parameter in self.plan.parameters)
 
     def iter_parameters(self) -> Iterator[tuple[str, Parameter]]:

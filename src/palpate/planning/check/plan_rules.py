@@ -142,10 +142,7 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
 
 
 def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
-    """Return undeclared arguments with the paths of their nodes.
-
-    Nodes that lack another argument are left out, because the name may be misspelt.
-    """
+    """Return undeclared arguments with the paths of their nodes; a misspelt argument is left out."""
     found: dict[str, list[str]] = {}
     for path, node in case.form.nodes.items():
         refused = case.form.refused.get(path)
@@ -286,10 +283,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 
 
 def check_touches(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
-    """Allow grasps of the parameters' objects, their blockers, and tools for the measurement.
-
-    Without parameters, allow one tool that the explanation names.
-    """
+    """Allow grasps of the parameters' objects, their blockers and tools; without parameters, of one named tool."""
     assert case.scene is not None
     if case.unclear:
         return
@@ -398,10 +392,7 @@ def unused_recordings(case: CheckedPlan, walk: Walk) -> Iterator[WalkedAction]:
 
 
 def recorded_piece(parameter: Parameter, action: WalkedAction) -> Piece | None:
-    """Return the piece of evidence that an action records for a parameter, or None.
-
-    The parameter is derived, or its evidence consists of several distinct recordings.
-    """
+    """Return the evidence that an action records for a parameter of several or derived recordings, or None."""
     logged = action.after.logged[-1]
     quantity = catalogue().get(parameter.quantity)
     if quantity is None:

@@ -222,11 +222,7 @@ class Walk:
         return after
 
     def _judge(self, path: str, before: SymbolicState) -> set[str]:
-        """Add the findings on a leaf in a state, with remedies.
-
-        Returns:
-            The ids of all broken rules, including those not reported.
-        """
+        """Add the findings on a leaf in a state, with remedies; return all broken rules, also unreported ones."""
         primitive = self.leaves[path]
         if self.full:
             return set()

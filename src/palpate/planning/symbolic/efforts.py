@@ -63,11 +63,7 @@ class Errand:
 
 
 def errand(request: str, scene: Scene) -> Errand | None:
-    """Return the errand that a request consists of; None for any other request.
-
-    Raises:
-        InputError: the scene has no place over an object where the tool can be held.
-    """
+    """Return the errand that a request consists of; None for any other request."""
     said = " ".join(request.lower().split())
     if _DENYING.search(said):
         return None
@@ -109,10 +105,7 @@ def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
 
 
 def objects_of(said: str, scene: Scene) -> tuple[str, ...]:
-    """Return the objects at the end of a phrase, e.g. "of the water in both cups".
-
-    The phrase begins after the first preposition for which it can be grounded.
-    """
+    """Return the objects at the end of a phrase, after its first preposition that can be grounded."""
     for place in _BEFORE_THING.finditer(said):
         if _JOINING.search(said[: place.start()]):
             break
@@ -142,10 +135,7 @@ Efforts = Mapping[Parameter, Effort]
 
 
 def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
-    """Return the initial effort of each parameter with a requested interval width.
-
-    Parameters whose quantity cannot predict the effort are left out.
-    """
+    """Return the initial effort of each parameter with a requested width, if its quantity can predict one."""
     found: dict[Parameter, Effort] = {}
     for parameter in parameters:
         # Convert the width to a noise standard deviation, less the floor of the quantity.
@@ -159,10 +149,7 @@ def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Ef
 
 
 def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> Site | None:
-    """Return the site of an object with the believed `value` of the parameter.
-
-    None for other bodies, or without a believed value.
-    """
+    """Return the site of an object with the believed `value` of the parameter; None without one."""
     name = parameter.object
     if name not in scene.objects:
         return None
@@ -289,10 +276,7 @@ def yielding(
 def recording_chains(
     quantity: str, words: Vocabulary, around: Surroundings
 ) -> Iterator[tuple[Primitive, ...]]:
-    """Yield pairs of sensing and conversion that end in `quantity`.
-
-    For a derived quantity, yield the sensing alone.
-    """
+    """Yield pairs of sensing and conversion that end in `quantity`; the sensing alone for a derived one."""
 
     def iter_primitives(classes: Iterable[type[Primitive]]) -> Iterator[Primitive]:
         for cls in classes:

@@ -133,11 +133,7 @@ class SymbolicPlanner:
         )
 
     def _errand(self, errand: Errand, scene: Scene) -> Plan:
-        """Plan to carry a tool without a measurement.
-
-        Raises:
-            PlanRejected: there is no path.
-        """
+        """Plan to carry a tool without a measurement."""
         chainer = Backchainer(scene)
         chainer.go_home()
         chainer.hold(errand.tool, errand.spots)
@@ -152,12 +148,7 @@ class ExhaustivePlanner:
     name: str = "exhaustive"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """Measure the full suite on every body, whatever the request and the scene state.
-
-        Raises:
-            InputError: no scene.
-            PlanRejected: nothing in the scene can be measured.
-        """
+        """Measure the full suite on every body, whatever the request and the scene state."""
         if scene is None:
             raise needs_scene(self.name)
         # Surfaces first, then objects, each with all quantities of its role.
@@ -185,11 +176,7 @@ def requested_parameters(
     remeasure: bool = False,
     measure: tuple[Parameter, ...] | None = None,
 ) -> tuple[Parameter, ...] | None:
-    """Return the exact set of parameters that a plan for this request must measure.
-
-    None if the set is uncertain: a part of the request is not understood, is inferred, or cannot be
-    measured.
-    """
+    """Return the exact parameters that a plan for this request must measure; None if they are uncertain."""
     wanted = surely_requested_parameters(request, scene, remeasure, measure)
     if wanted is None or assemble(scene, wanted).failed:
         return None
@@ -270,11 +257,7 @@ def _assemble_tree(
 def _measure(
     chainer: Backchainer, name: str, parameters: list[Parameter], efforts: Efforts
 ) -> tuple[list[Parameter], dict[Parameter, str]]:
-    """Measure as many parameters of a body as possible.
-
-    Returns:
-        The measured parameters, and the reasons against the others.
-    """
+    """Measure as many parameters of a body as possible; return them, and the reasons against the others."""
     reason = unusable(chainer.scene, name)
     if reason:
         return [], dict.fromkeys(parameters, reason)
@@ -339,10 +322,7 @@ def unusable(scene: Scene, name: str) -> str:
 def asked_parameters(
     request: str | None, scene: Scene, measure: tuple[Parameter, ...] | None = None
 ) -> Grounded:
-    """Return the exactly named parameters, else those of the request.
-
-    Without both, return all missing parameters of the scene.
-    """
+    """Return the exactly named parameters, else those of the request, else all missing ones of the scene."""
     if measure is not None:
         return Grounded(measure)
     if request is None:
@@ -419,10 +399,7 @@ def spoken(parameters: Sequence[Parameter]) -> str:
 
 
 def explanation(made: Assembled) -> list[str]:
-    """Explain a plan in sentences.
-
-    They name the measured parameters, one method per quantity, and the objects carried away.
-    """
+    """Explain a plan in sentences: parameters, one method per quantity, and the objects carried away."""
     if made.tree is None:
         return []
     sentences = [f"To be measured: {', '.join(str(wanted) for wanted in made.measured)}."]

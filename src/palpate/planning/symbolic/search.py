@@ -137,11 +137,7 @@ class Backchainer:
             )
 
     def hold(self, tool: str, spots: Sequence[str]) -> None:
-        """Take a tool, hold it at each of the `spots`, and put it back.
-
-        Raises:
-            PlanRejected: there is no path.
-        """
+        """Take a tool, hold it at each of the `spots`, and put it back."""
         away = self._clear(tool, (tool,))
         taken = [f"{tool}_pose{above}" for above in LIFTS]
         # Search to each spot separately, so that every search stays short.
@@ -155,10 +151,7 @@ class Backchainer:
             self._carry(blocker, place, at_rest(blocker))
 
     def repeat(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Measure again with slides to the opposite side, independent of earlier recordings.
-
-        Without a path, the plan stays unchanged.
-        """
+        """Measure again with slides to the opposite side, independent of earlier recordings, if there is a path."""
         state = self.state
         self.mirrored = not self.mirrored
         # Without its recordings, the parameter counts as unmeasured.
@@ -172,10 +165,7 @@ class Backchainer:
         )
 
     def _search(self, name: str, parameters: Sequence[Parameter]) -> None:
-        """Search for the steps that measure an object and restore the scene.
-
-        Blocking objects are carried away first and put back last.
-        """
+        """Search for the steps that measure an object; blocking objects are carried away and back."""
         # Reject an object without support: its stated pose is wrong.
         floating = name in self.scene.objects and clear_of_support(
             self.state, name, self.state.pose_of(name)
@@ -241,11 +231,7 @@ class Backchainer:
         return self.mirrored, frozenset(parameter.quantity for parameter in parameters)
 
     def _acquire(self, parameter: Parameter) -> None:
-        """Acquire one more piece of evidence at as few places as possible.
-
-        Raises:
-            PlanRejected: no place yields evidence; the message states the reason.
-        """
+        """Acquire one more piece of evidence at as few places as possible; else raise `PlanRejected`."""
         self._refusal = ""
         tried: list[Sequence[str]] = []
         for expressions in places(self.scene, parameter, self.state):
@@ -343,10 +329,7 @@ class Backchainer:
         return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
-        """Record optional evidence with the held object, and before with the empty hand.
-
-        Return False if none can be recorded.
-        """
+        """Record optional evidence with the held object, and before with the empty hand, if possible."""
         for operator, steps in self._yielding(self.state, parameters, extras):
             if self._take(steps):
                 self._add_before(parameters, operator)
@@ -426,9 +409,7 @@ class Backchainer:
         self._reach(operators, when(done), f"'{name}' cannot be carried out of the way and back")
 
     def _surroundings(self, subject: str, expressions: Iterable[str]) -> Surroundings:
-        """Return the surroundings of an object, including the poses of the current grasp and
-        contact.
-        """
+        """Return the surroundings of an object, including the poses of the current grasp and contact."""
         # Add the poses needed to release or lift: the grasp, the contact, and the temporary place.
         grasp = self.state.grasp
         here = [grasp, f"{grasp} + z_offset"] if grasp else []
@@ -451,14 +432,7 @@ class Backchainer:
         return found
 
     def _reach(self, operators: Sequence[Primitive], tail: Tail, failure: str = "") -> bool:
-        """Append the shortest path to a state where `tail` applies, and the steps of `tail`.
-
-        Returns:
-            False if there is no path and no `failure` message is given.
-
-        Raises:
-            PlanRejected: there is no path; `failure` begins the message.
-        """
+        """Append the shortest path to a state where `tail` applies; without one raise `failure`, or return False."""
         # Search with fast box tests, then apply the exact check to the path. Each refused step is
         # excluded from the next search.
         refused: set[Refusal] = set()

@@ -60,11 +60,7 @@ def when(done: Goal) -> Tail:
 def shortest(
     start: SymbolicState, operators: Sequence[Primitive], tail: Tail, refused: set[Refusal]
 ) -> tuple[list[Step], SymbolicState] | None:
-    """Find a shortest path by breadth-first search; the order of `operators` breaks ties.
-
-    Returns:
-        The steps, including those of `tail`, and the final state; None without a path.
-    """
+    """Find a shortest path, ties by the order of `operators`; return its steps with `tail`, and the final state."""
     queue: deque[tuple[SymbolicState, tuple[Step, ...]]] = deque([(start, ())])
     seen = {state_key(start)}
     # First in, first out: the first path that reaches the goal is a shortest one.

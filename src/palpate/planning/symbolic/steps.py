@@ -71,20 +71,14 @@ class Step:
         return None
 
     def effect(self, state: SymbolicState) -> SymbolicState:
-        """Return the state after the step.
-
-        Raises:
-            InputError: its target pose is unknown.
-        """
+        """Return the state after the step."""
         moving, sensing = self.moving, self.sensing
         branches = [sensing] if sensing else []
         meanwhile = during(moving, state) if sensing else state
         return parallel(state, meanwhile, moving, branches, lambda leaf, before: before.after(leaf))
 
     def applied(self, state: SymbolicState) -> SymbolicState | None:
-        """Return the state after the step; None if a precondition fails or the step is not
-        preferred.
-        """
+        """Return the state after the step; None if a precondition fails or the step is not preferred."""
         moving, sensing = self.moving, self.sensing
         try:
             meanwhile = during(moving, state) if sensing else state
@@ -149,10 +143,7 @@ def is_preferred(
 
 
 def releases_in_place(before: SymbolicState) -> bool:
-    """True if an object is released at its scene pose or at its temporary place.
-
-    Also true if the hand is closed and empty.
-    """
+    """True if an object is released at its scene pose or temporary place, or the closed hand is empty."""
     held = before.holding
     if before.gripper == "open" or held is None:
         return before.gripper != "open"
@@ -163,10 +154,7 @@ def releases_in_place(before: SymbolicState) -> bool:
 
 
 def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
-    """True if a straight slide on one surface is long enough to record friction.
-
-    Also true for a slide back to the initial position.
-    """
+    """True if a slide on one surface is long enough to record friction, or leads back to the initial pose."""
     if before.pose_world_tcp is None or after.pose_world_tcp is None:
         return False
     if after.pose_world_tcp.angle_to(before.pose_world_tcp) > SAME_POSE:
@@ -225,10 +213,7 @@ NEARER = 0.005
 
 
 def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
-    """Yield sets of pose expressions for the missing evidence.
-
-    The declaration of the quantity determines the place; the default is around the object.
-    """
+    """Yield sets of pose expressions for the missing evidence: declared places, else around the object."""
     quantity, name = scene.catalogue[parameter.quantity], parameter.object
     if any(one.distinct == "place" and one.count > 1 for one in quantity.evidence):
         # Three spots of a surface that are not collinear, in four arrangements.
@@ -268,10 +253,7 @@ def balance_expressions(
 
 
 def domains(scene: Scene, name: str) -> Iterator[list[str]]:
-    """Yield sets of pose expressions around an object or surface, in order of size.
-
-    The first set is above and at the object. The others are shifted along its axes.
-    """
+    """Yield sets of pose expressions around a body in order of size, from above and at it to shifted ones."""
     above, spot = approach(scene, name)
     if name not in scene.bodies:  # the gripper: above any object
         yield [approach(scene, other)[0] for other in scene.objects]

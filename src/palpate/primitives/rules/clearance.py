@@ -169,10 +169,7 @@ def straddled_object(state: SymbolicState, pose_world_tcp: Pose | None) -> str |
 
 
 def blockers(state: SymbolicState, name: str, approach: Pose, work: Pose) -> list[str]:
-    """Objects to clear away before the gripper can go from `approach` down to `work` on `name`.
-
-    For an object, lifting it must be free as well.
-    """
+    """Objects to clear away before the gripper can go down to `name`, and lift it if it is an object."""
     down = box_hits(state, approach, work, ignoring=(name,), margin=TOUCH)
     if name not in state.scene.objects:
         return down
@@ -272,10 +269,7 @@ class ArmPath:
 
 
 def hand_path(solids: Solids, start: Pose, end: Pose, width: float, step: float = STEP) -> ArmPath:
-    """Straight path of the hand, without joint angles.
-
-    Moments are at most `step` m and `TURN` rad apart.
-    """
+    """Return the straight path of the hand alone, moments at most `step` m and `TURN` rad apart."""
     travel = end.position - start.position
     turn = solids.turn(start, end)
     parts = max(np.linalg.norm(travel) / step, np.linalg.norm(turn) / TURN, 1.0)
@@ -292,11 +286,7 @@ def hand_path(solids: Solids, start: Pose, end: Pose, width: float, step: float 
 def straight_path(
     solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array], width: float
 ) -> ArmPath:
-    """Straight path of the TCP, with the arm going from joint angles `q[0]` to `q[1]`.
-
-    The controller's path is approximated by interpolated joint angles, which damped Newton steps
-    correct onto the line.
-    """
+    """Return the straight path of the TCP, with joint angles from `q[0]` to `q[1]` corrected onto it."""
     here, there = (start.digits, digits(q[0])), (end.digits, digits(q[1]))
     # An object is lifted and lowered along one path, which is computed once. A path with a turn is
     # excluded: the tool may turn in the other sense on its way back.
@@ -312,10 +302,7 @@ def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array
 
 
 def arm_path(solids: Solids, hand: ArmPath, q: tuple[Array, Array]) -> ArmPath:
-    """Path of the arm whose hand goes along `hand`, from joint angles `q[0]` to `q[1]`.
-
-    Joint angles are interpolated linearly and corrected onto the path by damped Newton steps.
-    """
+    """Return the arm's path along `hand`: joint angles interpolated, then corrected by damped Newton steps."""
     shares = np.linspace(0.0, 1.0, hand.count)[:, None]
     bent = (1 - shares) * q[0] + shares * q[1]
     for _ in range(CORRECTIONS):

@@ -105,10 +105,7 @@ def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, 
 
 
 def finger_collisions(state: SymbolicState, end: float, around: str | None) -> list[Violation]:
-    """Collisions of the fingers on their way to an opening of `end` m.
-
-    `around` is the object that they open from or close on.
-    """
+    """Collisions of the fingers that open to `end` m from, or close on, the object `around`."""
     key = ("fingers", *state.arrangement, end, around, state.at)
     return list(
         solids(state.scene).get_or_compute(key, lambda: tuple(_finger_hits(state, end, around)))
@@ -178,10 +175,7 @@ def _goes_back(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath | None:
-    """Path of the arm, linear in the joints or straight for the TCP.
-
-    None if an end is out of the arm's reach, which is another violation.
-    """
+    """Return the path of the arm, joint or straight; None with an end out of reach, another violation."""
     shapes, start, end = solids(before.scene), before.pose_world_tcp, after.pose_world_tcp
     q, bent = before.q, after.q
     if q is None or bent is None or start is None or end is None:

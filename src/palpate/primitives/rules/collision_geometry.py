@@ -106,10 +106,7 @@ def _sweep(
     higher: Mapping[str, float],
     joints: Mapping[int, int],
 ) -> Sweep:
-    """Cached sweep of a path; a reversed path shares the sweep of its forward path.
-
-    `joints`: geom ids of the links to sweep as well, with the number of their joint.
-    """
+    """Return the cached sweep of a path, reversed or not; `joints` are the links' geoms with joint numbers."""
     if path.forth is not None:
         return _sweep(state, path.forth, growth, higher, joints).back()
     if not path.key:

@@ -48,10 +48,7 @@ def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
 
 
 def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
-    """Violation of a grasp in which the object's weight would turn it about the pads.
-
-    Mass and centre of mass are the known or believed ones.
-    """
+    """Violation of a grasp in which the believed weight of the object would turn it about the pads."""
     scene, shapes = state.scene, solids(state.scene)
     # Lever of the weight: distance of the centre of mass from the pads along the tool's x.
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
@@ -69,11 +66,7 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
 
 
 def _nearer(state: SymbolicState, beside: float) -> str:
-    """Remedy: the pose expression of a grasp above the centre of mass.
-
-    The centre of mass is `beside` m off along the tool's x. Empty if the current place is no pose
-    expression.
-    """
+    """Return the remedy: a grasp above the centre of mass, which is `beside` m off along the tool's x."""
     symbols = state.scene.symbols
     try:
         here = symbols.parse(state.at or "")

@@ -28,10 +28,7 @@ class Grip:
 
 
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """Contact of the pads with an object at a pose in the tool frame.
-
-    None if the pads would miss the object, or cover less than `BITE` of it.
-    """
+    """Contact of the pads with an object in the tool frame; None if they cover less than `BITE` of it."""
     like = shapes.alike[name]
     key = ("grip", like, pose_tcp_object.digits)
     return shapes.get_or_compute(key, lambda: _grip(shapes, like, pose_tcp_object))

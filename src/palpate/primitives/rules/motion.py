@@ -27,10 +27,7 @@ HELD_UPRIGHT = np.radians(10.0)  # rad, largest lean of a held object against it
 def violations(
     before: SymbolicState, after: SymbolicState, *, may_tilt: bool = False
 ) -> Iterator[Violation]:
-    """Violations of the arm's motion between two states, by exact shapes, the cheapest test first.
-
-    `may_tilt`: the held object is tilted on purpose.
-    """
+    """Violations of a motion by exact shapes, the cheapest test first; `may_tilt` allows a tilted load."""
     if _same_place(before, after) or after.pose_world_tcp is None:
         return
     # From an unknown pose, only the joint motion to `home_config` is safe.
@@ -43,10 +40,7 @@ def violations(
 
 
 def is_cautious(before: SymbolicState, after: SymbolicState) -> bool:
-    """True for a straight motion with no risk, by a quick test with boxes.
-
-    The motion is vertical near an object, and clear of all others.
-    """
+    """True for a straight motion clear of all boxes, and vertical near an object: a quick test."""
     start, end = before.pose_world_tcp, after.pose_world_tcp
     if start is None or end is None:
         return False

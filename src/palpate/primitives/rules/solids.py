@@ -144,10 +144,7 @@ class Solids:
 
     @cached_property
     def alike(self) -> Mapping[str, str]:
-        """Map each object to the first object that has the same shapes in its frame.
-
-        Cached results of one such object hold for the others.
-        """
+        """Map each object to the first one with the same shapes in its frame, whose cached results it shares."""
         model, found, first = self.model, dict[str, str](), dict[object, str]()
         for name, group in self.objects.items():
             geoms = list(group.geoms)
@@ -293,11 +290,7 @@ class Solids:
 
 @lru_cache(CACHED_SCENES)
 def solids(scene: Scene) -> Solids:
-    """Shapes of a scene and its arm; compiled once for all measured heights.
-
-    Raises:
-        InputError: the scene does not compile with the arm in it.
-    """
+    """Shapes of a scene and its arm; compiled once for all measured heights."""
     if scene.as_given is not None:
         return solids(scene.as_given).raised(scene)
     # Compile the scene once and compute the poses of all geoms at zero configuration.

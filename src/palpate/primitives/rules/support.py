@@ -249,10 +249,7 @@ def slides(before: SymbolicState, after: SymbolicState) -> bool:
 
 
 def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
-    """Reason why a held object on its support would not be stable at the end of a motion.
-
-    None if it would be stable, or if the motion lifts it.
-    """
+    """Reason why a dragged object would not be stable at the end of a motion; None if stable or lifted."""
     held = before.holding
     if held is None or before.lifted or np.linalg.norm(_travel(before, after)) <= LIFTED:
         return None
@@ -276,10 +273,7 @@ def surfaces_slid_on(before: SymbolicState, after: SymbolicState) -> list[str]:
 
 
 def carriers(state: SymbolicState, name: str, poses: Iterable[Pose]) -> list[str]:
-    """Bodies that carry an object at some of the poses (world).
-
-    A body appears once for each different friction of its carrying shapes.
-    """
+    """Bodies that carry an object at some of the poses (world), once for each friction of their shapes."""
     found: dict[tuple[object, ...], str] = {}
     for pose in poses:
         tops = footing(state, name, pose).carriers

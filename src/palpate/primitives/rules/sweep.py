@@ -184,10 +184,7 @@ class Sweep:
         return self.moving[i], (self.still.parts if still else self.moving)[j]
 
     def hits(self, margins: Array) -> Iterator[Hit]:
-        """Pairs that come nearer than their margin (p,), m, each at the first such moment.
-
-        A pair that is too near at the start may stay as near.
-        """
+        """Pairs that come nearer than their margin (p,), m, at the first moment; a near start may stay as near."""
         allowed = self._allowed_margins(margins)
         # Skip the search if the path was already clear with margins as large as these.
         if any((allowed <= kept).all() for kept in self._kept):
@@ -307,10 +304,7 @@ class Sweep:
             yield SweepInterval(self._moment(i), self._moment(i + 1), pairs.tolist(), travels)
 
     def _close_pairs(self, level: list[SweepInterval], margins: Array) -> list[Met]:
-        """Pairs that come too near in some intervals, each at its first moment, in that order.
-
-        All intervals of one level are halved before the next level.
-        """
+        """Pairs that come too near in some intervals, at their first moments; level by level of halvings."""
         found, halvings = dict[int, Met](), 0
         while level:
             level = self._halve_intervals(self._unclear(level, margins, halvings, found))
@@ -320,10 +314,7 @@ class Sweep:
     def _unclear(
         self, level: list[SweepInterval], margins: Array, halvings: int, found: dict[int, Met]
     ) -> Iterator[tuple[Moment, Moment, list[int]]]:
-        """Intervals with the pairs that may still come too near in between.
-
-        Pairs that are too near at an end are added to `found`.
-        """
+        """Intervals whose pairs may still come too near in between; those too near at an end go to `found`."""
         for low, high, pairs, travels in level:
             left: list[int] = []
             for pair, travel in zip(pairs, travels, strict=True):

@@ -67,10 +67,7 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
 def vary_heights(
     before: SymbolicState, after: SymbolicState
 ) -> Iterator[tuple[SymbolicState, SymbolicState, str]]:
-    """Both states with the touched surfaces higher or lower by `GUESS`, in all combinations.
-
-    The third element states the combination in words.
-    """
+    """Both states with touched surfaces higher or lower by `GUESS`, all combinations, and their wording."""
     surfaces = touched_surfaces(before)
     for count in range(len(surfaces) + 1 if surfaces else 0):
         for lower in combinations(surfaces, count):
