@@ -23,20 +23,13 @@ HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)
 
 @dataclass(frozen=True, eq=False)
 class BodyDescription:
-    """An object, a surface or a fixture as described by its file, from which quantities are read.
+    """An object, a surface or a fixture as described by its file, from which quantities are read."""
 
-    Attributes:
-        elements: its elements in the file.
-        shapes: the compiled scene, with stand-ins for all unknown values.
-        others: every body of the scene by name, itself included.
-        given: pose of its frame from poses.yaml, which overrules the file.
-        given_top: world z, m, of a surface's top that a given approach pose implies.
-    """
-
-    elements: Elements
-    shapes: Shapes
-    others: Mapping[str, BodyDescription]
-    given: Pose | None = None
+    elements: Elements  # its elements in the file
+    shapes: Shapes  # the compiled scene, with stand-ins for all unknown values
+    others: Mapping[str, BodyDescription]  # every body of the scene by name, itself included
+    given: Pose | None = None  # pose of its frame from poses.yaml, which overrules the file.
+    # World z, m, of a surface's top that a given approach pose implies.
     given_top: float | None = None
 
     @property

@@ -36,21 +36,13 @@ _REFERRING = ("actuator", "sensor", "tendon", "equality", "contact", "deformable
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ModelTree:
-    """A copy of a document's elements, to be changed and compiled.
+    """A copy of a document's elements, to be changed and compiled."""
 
-    Attributes:
-        root: the scene's root element.
-        attached: root elements of attached models, by path.
-        twin_of: copy of each element.
-        folder: start of relative file names.
-        mesh_bytes: size of its meshes.
-    """
-
-    root: Element
-    attached: dict[Path, Element]
-    twin_of: dict[Element, Element]
-    folder: Path | None
-    mesh_bytes: float = 0.0
+    root: Element  # the scene's root element
+    attached: dict[Path, Element]  # root elements of attached models, by path
+    twin_of: dict[Element, Element]  # copy of each element
+    folder: Path | None  # start of relative file names
+    mesh_bytes: float = 0.0  # size of its meshes
 
     @classmethod
     def of(cls, document: Document) -> ModelTree:

@@ -38,22 +38,17 @@ class Place:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Named:
-    """A file that an element names.
-
-    Attributes:
-        attribute, name: as written.
-        located: the name relative to the scene's folder (or that of the attached model), below the
-            folder that `<compiler>` sets for its kind.
-        path: the file, absolute.
-        model: the attached model that names it; None for the scene.
-    """
+    """A file that an element names."""
 
     element: Element
+    # attribute, name: as written
     attribute: str
     name: str
+    # The name relative to the scene's folder (or that of the attached model), below the folder that
+    # `<compiler>` sets for its kind.
     located: str
-    path: Path
-    model: Path | None = None
+    path: Path  # the file, absolute
+    model: Path | None = None  # the attached model that names it; None for the scene
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,38 +61,27 @@ class Texts:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Document:
-    """A parsed MJCF file.
+    """A parsed MJCF file."""
 
-    Attributes:
-        text: the main file.
-        root: its elements, with included files expanded in place.
-        index: position of each element, including `<include>` elements and those of attached models.
-        folder: start of relative file names, None for text without files.
-        home: the only folder from which files are read, None for text without files.
-        files: every other file it needs, absolute.
-        includes: included files by the names in `<include>`.
-        beside: asset files found in the folder of an included file, relative to `folder`, by their
-            names in the included file.
-        texts: text of each included file and attached model.
-        named: all references to files in them.
-        models: models that it attaches itself, by the names in `<attach>`.
-        robots: root bodies of robots as named by the user.
-        path: file of an attached model; None for a scene.
-    """
-
-    text: str
-    root: Element
+    text: str  # the main file
+    root: Element  # its elements, with included files expanded in place
+    # Position of each element, including `<include>` elements and those of attached models.
     index: Mapping[Element, Place]
-    folder: Path | None
-    home: Path | None
-    files: tuple[Path, ...]
+    folder: Path | None  # start of relative file names, None for text without files
+    home: Path | None  # the only folder from which files are read, None for text without files
+    files: tuple[Path, ...]  # every other file it needs, absolute
+    # Included files by the names in `<include>`.
     includes: Mapping[str, Path] = field(default_factory=dict[str, Path])
+    # Asset files found in the folder of an included file, relative to `folder`, by their names in
+    # the included file.
     beside: Mapping[str, str] = field(default_factory=dict[str, str])
+    # Text of each included file and attached model.
     texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
-    named: tuple[Named, ...] = ()
+    named: tuple[Named, ...] = ()  # all references to files in them
+    # Models that it attaches itself, by the names in `<attach>`.
     models: Mapping[str, Document] = field(default_factory=lambda: dict[str, Document]())
-    robots: tuple[str, ...] = ()
-    path: Path | None = None
+    robots: tuple[str, ...] = ()  # root bodies of robots as named by the user
+    path: Path | None = None  # file of an attached model; None for a scene
 
     @property
     def worldbody(self) -> Element:
@@ -255,19 +239,13 @@ ATTACH = "attach"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Brought:
-    """A part of an attached model.
+    """A part of an attached model."""
 
-    Attributes:
-        content: a body, a frame, or the whole worldbody of the model.
-        model: the model that it is part of.
-        is_own: True if the same model attaches it.
-        through: the `<attach>` elements that bring it, the outermost first. MuJoCo puts their prefixes
-            before the names of its elements.
-    """
-
-    content: Element
-    model: Document
-    is_own: bool
+    content: Element  # a body, a frame, or the whole worldbody of the model
+    model: Document  # the model that it is part of
+    is_own: bool  # True if the same model attaches it
+    # The `<attach>` elements that bring it, the outermost first. MuJoCo puts their prefixes before
+    # the names of its elements.
     through: tuple[Element, ...]
 
     @property

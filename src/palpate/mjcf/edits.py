@@ -27,24 +27,17 @@ _ATTRIBUTE = re.compile(rb"\s+([^\s=/>]+)\s*=\s*(\"[^\"]*\"|'[^']*')")
 
 @dataclass(slots=True)
 class XmlTag:
-    """Position of an element, in bytes.
-
-    Attributes:
-        start, end: span of its start tag.
-        attributes: name to the span between the quotes.
-        attributes_end: position of a further attribute.
-        close: start of its end tag; for an empty tag the start of the tag.
-        last: end of the whole element.
-    """
+    """Position of an element, in bytes."""
 
     name: str
     depth: int
+    # start, end: span of its start tag
     start: int
     end: int
-    attributes: dict[str, tuple[int, int]]
-    attributes_end: int
-    close: int = -1
-    last: int = -1
+    attributes: dict[str, tuple[int, int]]  # name to the span between the quotes
+    attributes_end: int  # position of a further attribute
+    close: int = -1  # start of its end tag; for an empty tag the start of the tag
+    last: int = -1  # end of the whole element
 
     @property
     def empty(self) -> bool:
@@ -215,17 +208,13 @@ def _with_names(content: str, renamed: Mapping[str, str]) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Edit:
-    """Change of some of an attribute's numbers.
-
-    Attributes:
-        numbers: position in the attribute to new text; None removes the attribute.
-        base: the attribute's text where the element has none.
-    """
+    """Change of some of an attribute's numbers."""
 
     element: Element
     attribute: str
+    # Position in the attribute to new text; None removes the attribute.
     numbers: Mapping[int, str] | None
-    base: str = "?"
+    base: str = "?"  # the attribute's text where the element has none
 
     def value(self, stated: str | None) -> str | None:
         """Return the attribute's new text, from its text `stated`."""
@@ -258,20 +247,15 @@ Change = Edit | Insert
 
 @dataclass(frozen=True, slots=True)
 class Slot:
-    """A place in the file where a `?` may be written.
-
-    Attributes:
-        numbers: positions in the attribute; None for all of them.
-        stand_in: text for each open number until it is measured.
-        whole: text of the entire attribute until then, where open numbers are incompatible with stated ones.
-        required: number of values that MuJoCo requires; all are open where the attribute is missing.
-    """
+    """A place in the file where a `?` may be written."""
 
     element: Element
     attribute: str
-    stand_in: str
-    numbers: tuple[int, ...] | None = None
+    stand_in: str  # text for each open number until it is measured
+    numbers: tuple[int, ...] | None = None  # positions in the attribute; None for all of them
+    # Text of the entire attribute until then, where open numbers are incompatible with stated ones.
     whole: tuple[str, ...] | None = None
+    # Number of values that MuJoCo requires; all are open where the attribute is missing.
     required: int = 0
 
     def covers(self, number: int) -> bool:

@@ -104,30 +104,20 @@ TRANSPARENT = ("frame", "replicate")  # Elements that only arrange their content
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Elements:
-    """The elements of an object, a surface or a fixture.
+    """The elements of an object, a surface or a fixture."""
 
-    Attributes:
-        name: its compiled name; with several copies, that of the first, which represents all.
-        element: its body; for a surface in the worldbody, its geom.
-        geoms: all geoms of its body and of bodies fixed to it; for a surface, those that may carry.
-        colliding: those of them that can collide, else all.
-        inertial: its `<inertial>`, if any.
-        defaults: defaults classes of its elements.
-        parts: an object's other bodies, which move with it.
-        through: the `<attach>` elements that bring it from another model, the outermost first.
-        joint: a fixture's `<joint>`.
-    """
-
-    name: str
+    name: str  # its compiled name; with several copies, that of the first, which represents all
     role: Role
-    element: Element
+    element: Element  # its body; for a surface in the worldbody, its geom
+    # All geoms of its body and of bodies fixed to it; for a surface, those that may carry.
     geoms: tuple[Element, ...]
-    colliding: tuple[Element, ...]
-    inertial: Element | None
-    defaults: Defaults
-    parts: tuple[Element, ...] = ()
+    colliding: tuple[Element, ...]  # those of them that can collide, else all
+    inertial: Element | None  # its `<inertial>`, if any
+    defaults: Defaults  # defaults classes of its elements
+    parts: tuple[Element, ...] = ()  # an object's other bodies, which move with it
+    # The `<attach>` elements that bring it from another model, the outermost first.
     through: tuple[Element, ...] = ()
-    joint: Element | None = None
+    joint: Element | None = None  # a fixture's `<joint>`
 
     def moved_by(self) -> Element | None:
         """Find the nearest ancestor with a pose, so that the element's own pose is not the world's."""

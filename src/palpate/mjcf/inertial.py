@@ -184,19 +184,12 @@ def weighing_geoms(body: BodyDescription) -> Iterator[Element]:
 
 @dataclass(frozen=True, slots=True)
 class Statement:
-    """Statement about an object's inertia; several statements make one `<inertial>`.
+    """Statement about an object's inertia; several statements make one `<inertial>`."""
 
-    Attributes:
-        mass: kg.
-        com: (3,) m, in the body frame.
-        inertia: xx yy zz xy xz yz about `com`, kg m².
-        std: standard deviation, which sets the number of written digits.
-    """
-
-    mass: float | None = None
-    com: tuple[float, ...] | None = None
-    inertia: tuple[float, ...] | None = None
-    std: float | None = None
+    mass: float | None = None  # kg
+    com: tuple[float, ...] | None = None  # (3,) m, in the body frame
+    inertia: tuple[float, ...] | None = None  # xx yy zz xy xz yz about `com`, kg m²
+    std: float | None = None  # standard deviation, which sets the number of written digits
 
 
 def written(

@@ -42,15 +42,10 @@ HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Robots:
-    """Evidence that distinguishes robots from furniture.
+    """Evidence that distinguishes robots from furniture."""
 
-    Attributes:
-        named: root bodies of robots as named by the user; only these are robots then.
-        driven: names of joints, sites and bodies that an actuator drives.
-    """
-
-    named: tuple[str, ...]
-    driven: frozenset[str]
+    named: tuple[str, ...]  # root bodies of robots as named by the user; only these are robots then
+    driven: frozenset[str]  # names of joints, sites and bodies that an actuator drives
     defaults: Defaults
 
     def begin_with(self, body: Element) -> bool:
@@ -197,16 +192,11 @@ def find_roles(document: Document) -> Roles:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Model:
-    """The model whose elements are sorted.
-
-    Attributes:
-        robots: evidence of its robots.
-        through: the `<attach>` elements that bring it.
-    """
+    """The model whose elements are sorted."""
 
     document: Document
-    robots: Robots
-    through: tuple[Element, ...] = ()
+    robots: Robots  # evidence of its robots
+    through: tuple[Element, ...] = ()  # the `<attach>` elements that bring it
 
     def bringing(self, attach: Element) -> Brought | None:
         """Return the content of an `<attach>`."""

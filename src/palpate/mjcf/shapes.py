@@ -176,17 +176,12 @@ USUAL_DENSITY = 1000.0  # kg/m³, MuJoCo's density of a geom that states none
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shapes:
-    """Geometry of a compiled scene in its initial configuration.
-
-    Attributes:
-        geom_ids: id in the model of each geom of the document.
-        tree: the compiled elements.
-    """
+    """Geometry of a compiled scene in its initial configuration."""
 
     model: mujoco.MjModel
     data: mujoco.MjData
-    geom_ids: Mapping[Element, int]
-    tree: ModelTree
+    geom_ids: Mapping[Element, int]  # id in the model of each geom of the document
+    tree: ModelTree  # the compiled elements
     _per_density: dict[Element, float] = field(default_factory=dict[Element, float])
 
     def body_pose(self, name: str) -> Pose:

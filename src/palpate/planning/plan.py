@@ -32,19 +32,13 @@ _STRING = re.compile(r'"(?:[^"\\]|\\.)*(?:"|\Z)', re.DOTALL)
 
 @dataclass(frozen=True, slots=True)
 class Node:
-    """Node of a plan's tree.
+    """Node of a plan's tree."""
 
-    Attributes:
-        type: name of a primitive or composite.
-        args: arguments of a primitive (`{"pose": "bottle_pose + z_offset"}`).
-        children: children of a composite, in order.
-        name: optional label.
-    """
-
-    type: str
+    type: str  # name of a primitive or composite
+    # Arguments of a primitive (`{"pose": "bottle_pose + z_offset"}`).
     args: tuple[tuple[str, Any], ...] = ()
-    children: tuple[Node, ...] = ()
-    name: str = ""
+    children: tuple[Node, ...] = ()  # children of a composite, in order
+    name: str = ""  # optional label
 
     def walk(self, path: str = "tree") -> Iterator[tuple[str, Node]]:
         """Yield this node and all below it, depth first, with paths (`tree.children[3]`)."""

@@ -51,57 +51,39 @@ class Planner(Protocol):
 
 @runtime_checkable
 class Observant(Protocol):
-    """Planner that also keeps its dialogue and the detected scene.
+    """Planner that also keeps its dialogue and the detected scene."""
 
-    Attributes:
-        looks: it takes a picture of the workspace even if there is a scene.
-        conversation: the latest dialogue with a model, also after an error in `plan`.
-        seen: the scene detected in the pictures, if there was no scene.
-    """
-
-    looks: ClassVar[bool]
+    looks: ClassVar[bool]  # it takes a picture of the workspace even if there is a scene
+    # The latest dialogue with a model, also after an error in `plan`.
     conversation: Conversation | None
-    seen: DetectedScene | None
+    seen: DetectedScene | None  # the scene detected in the pictures, if there was no scene
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerSettings:
-    """Settings for the construction of a planner.
+    """Settings for the construction of a planner."""
 
-    Attributes:
-        remeasure: requested values are measured even where the scene states them.
-        model_settings: settings of a model; None for the defaults.
-        builder: makes a scene of detected objects, if there is none.
-        within: requested widths of intervals.
-        measure: the exact set of parameters that the plan must measure; None to derive it from the
-            request.
-        rehearse: executes a plan in physics and returns its finding, None for a harmless plan. For
-            planners that correct their plans.
-    """
-
-    remeasure: bool = False
-    model_settings: ModelSettings | None = None
-    builder: SceneBuilder | None = None
-    within: Within = field(default_factory=Within)
+    remeasure: bool = False  # requested values are measured even where the scene states them
+    model_settings: ModelSettings | None = None  # settings of a model; None for the defaults
+    builder: SceneBuilder | None = None  # makes a scene of detected objects, if there is none
+    within: Within = field(default_factory=Within)  # requested widths of intervals
+    # The exact set of parameters that the plan must measure; None to derive it from the request.
     measure: tuple[Parameter, ...] | None = None
+    # Executes a plan in physics and returns its finding, None for a harmless plan. For planners
+    # that correct their plans.
     rehearse: Rehearse | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class PlannerKind:
-    """Factory of a planner for the command-line form `name` or `name:argument`.
+    """Factory of a planner for the command-line form `name` or `name:argument`."""
 
-    Attributes:
-        name: the word before the colon.
-        make: factory from the argument (empty by default) and the settings.
-        argument: placeholder of the argument after the colon, e.g. `FILE`; empty without one.
-        optional: the argument may be left out.
-    """
-
-    name: str
+    name: str  # the word before the colon
+    # Factory from the argument (empty by default) and the settings.
     make: Callable[[str, PlannerSettings], Planner]
+    # Placeholder of the argument after the colon, e.g. `FILE`; empty without one.
     argument: str = ""
-    optional: bool = False
+    optional: bool = False  # the argument may be left out
 
     @property
     def form(self) -> str:

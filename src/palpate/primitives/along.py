@@ -42,18 +42,12 @@ CLEAR = 0.005  # m between fixture and object: with less, the object is on it, i
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Way:
-    """Travel of a handle along its joint from where the hand is.
-
-    Attributes:
-        start: pose of the TCP (world) on, or above, the handle.
-        travel: of the joint, m or rad; signed.
-        is_unsure: its limit is only believed to be farther away.
-    """
+    """Travel of a handle along its joint from where the hand is."""
 
     joint: Joint
-    start: Pose
-    travel: float
-    is_unsure: bool = False
+    start: Pose  # pose of the TCP (world) on, or above, the handle
+    travel: float  # of the joint, m or rad; signed
+    is_unsure: bool = False  # its limit is only believed to be farther away
 
     def at(self, share: float) -> Pose:
         """Pose of the TCP after a share of the travel."""

@@ -58,17 +58,11 @@ class LeafFailure(Exception):
 
 @dataclass(frozen=True, slots=True)
 class Surroundings:
-    """Start and subject of a planner's search, for `Primitive.groundings`.
+    """Start and subject of a planner's search, for `Primitive.groundings`."""
 
-    Attributes:
-        state: start of the search.
-        subject: object or surface to measure; empty for none.
-        poses: pose expressions to try, the nearest first.
-    """
-
-    state: SymbolicState
-    subject: str = ""
-    poses: tuple[str, ...] = ()
+    state: SymbolicState  # start of the search
+    subject: str = ""  # object or surface to measure; empty for none
+    poses: tuple[str, ...] = ()  # pose expressions to try, the nearest first
 
 
 class Recorder:

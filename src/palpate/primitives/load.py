@@ -36,25 +36,17 @@ SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FingerLoad:
-    """Measured load on the fingers.
+    """Measured load on the fingers."""
 
-    Attributes:
-        empty: (6,) external wrench right before they closed, in the convention of `palpate.trace`.
-        width: m between the fingers as they closed on the object.
-        hanging: (6,) wrench at rest with the object hanging free; None before.
-        moment: N m about the closing direction then.
-        doubt: standard deviations of the moment.
-        rough: upper bound of the support's friction, by slides so far.
-        heaviest: N, upper bound of the weight by an estimate of the mass. With a folded arm, joint
-            friction biases the weight in `hanging` by newtons.
-    """
-
+    # (6,) external wrench right before they closed, in the convention of `palpate.trace`.
     empty: Array
-    width: float = 0.0
-    hanging: Array | None = None
-    moment: float | None = None
-    doubt: Doubt = SURELY
-    rough: float = ROUGHEST
+    width: float = 0.0  # m between the fingers as they closed on the object
+    hanging: Array | None = None  # (6,) wrench at rest with the object hanging free; None before
+    moment: float | None = None  # N m about the closing direction then
+    doubt: Doubt = SURELY  # standard deviations of the moment
+    rough: float = ROUGHEST  # upper bound of the support's friction, by slides so far
+    # N, upper bound of the weight by an estimate of the mass. With a folded arm, joint friction
+    # biases the weight in `hanging` by newtons.
     heaviest: float = math.inf
 
     def after_drag(self, wrench: Array) -> FingerLoad:

@@ -25,19 +25,12 @@ ABSTRACT = (Primitive, ConversionPrimitive)
 
 @dataclass(frozen=True, slots=True)
 class Composite:
-    """Declaration of a composite.
+    """Declaration of a composite."""
 
-    Attributes:
-        name: in a plan.
-        symbol: for people.
-        summary: for the prompt and the documentation.
-        btcpp: tag and fixed attributes in BT.CPP 4.
-    """
-
-    name: str
-    symbol: str
-    summary: str
-    btcpp: Mapping[str, str]
+    name: str  # in a plan
+    symbol: str  # for people
+    summary: str  # for the prompt and the documentation
+    btcpp: Mapping[str, str]  # tag and fixed attributes in BT.CPP 4.
 
 
 COMPOSITES: dict[str, Composite] = {

@@ -24,16 +24,11 @@ PRECONDITION = "precondition"  # Default rule of a primitive's requirements
 
 @dataclass(frozen=True, slots=True)
 class Violation:
-    """Violation of one rule by an action in a state.
+    """Violation of one rule by an action in a state."""
 
-    Attributes:
-        rule: its id, one of `planning.check.rules`; a third party's primitive mostly uses
-            `precondition`.
-        message: the problem and its remedy, by which a model or a person can repair the plan.
-    """
-
+    # Its id, one of `planning.check.rules`; a third party's primitive mostly uses `precondition`.
     rule: str
-    message: str
+    message: str  # the problem and its remedy, by which a model or a person can repair the plan
 
     @property
     def finding(self) -> str:
@@ -75,47 +70,35 @@ class StateChange(Protocol):
 
 @dataclass(frozen=True, slots=True)
 class SymbolicState:
-    """Immutable symbolic state; `replace` makes the next one.
+    """Immutable symbolic state; `replace` makes the next one."""
 
-    Attributes:
-        scene: the believed cell at rest.
-        at: pose expression or joint configuration last reached.
-        pose_world_tcp: pose of the TCP; None before the first motion of a plan.
-        joints: (7,) rad, target of the last joint motion; None at a pose, whose configuration the
-            controller chooses.
-        gripper: state of the fingers.
-        holding, grasp: held object, and the pose expression where it was grasped.
-        pose_tcp_object: the held object's pose in the TCP frame.
-        lifted: the held object is clear of its support.
-        contact: surface or object touched by the last guarded motion, until the arm moves on.
-        moved: poses of objects away from where the scene has them.
-        activity: activity of a recording that starts now.
-        buffers: the context in which each buffer was last written.
-        logged: every recording so far, `(buffer, context)`.
-        converted: parameters that a conversion has measured.
-        reaches: test of the arm's reach for a pose of the TCP (world); None for the scene's inverse
-            kinematics.
-        bound: m along its line, for every pose bound in the run (`Symbols.lines`).
-        beliefs: poses that touch has corrected, by body.
-    """
-
-    scene: Scene
-    at: str | None = None
-    pose_world_tcp: Pose | None = None
+    scene: Scene  # the believed cell at rest
+    at: str | None = None  # pose expression or joint configuration last reached
+    pose_world_tcp: Pose | None = None  # pose of the TCP; None before the first motion of a plan
+    # (7,) rad, target of the last joint motion; None at a pose, whose configuration the controller
+    # chooses.
     joints: Array | None = None
-    gripper: Literal["open", "closed", "unknown"] = "unknown"
+    gripper: Literal["open", "closed", "unknown"] = "unknown"  # state of the fingers
+    # holding, grasp: held object, and the pose expression where it was grasped
     holding: str | None = None
     grasp: str | None = None
-    pose_tcp_object: Pose | None = None
-    lifted: bool = False
+    pose_tcp_object: Pose | None = None  # the held object's pose in the TCP frame
+    lifted: bool = False  # the held object is clear of its support
+    # Surface or object touched by the last guarded motion, until the arm moves on.
     contact: str | None = None
+    # Poses of objects away from where the scene has them.
     moved: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
-    activity: Activity = "still"
+    activity: Activity = "still"  # activity of a recording that starts now
+    # The context in which each buffer was last written.
     buffers: Mapping[str, Context] = field(default_factory=dict[str, Context])
-    logged: tuple[tuple[str, Context], ...] = ()
-    converted: frozenset[Parameter] = frozenset()
+    logged: tuple[tuple[str, Context], ...] = ()  # every recording so far, `(buffer, context)`
+    converted: frozenset[Parameter] = frozenset()  # parameters that a conversion has measured
+    # Test of the arm's reach for a pose of the TCP (world); None for the scene's inverse
+    # kinematics.
     reaches: Callable[[Pose], bool] | None = None
+    # m along its line, for every pose bound in the run (`Symbols.lines`).
     bound: Mapping[str, float] = field(default_factory=dict[str, float])
+    # Poses that touch has corrected, by body.
     beliefs: Mapping[str, Belief] = field(default_factory=dict[str, Belief])
     _next: dict[int, tuple[StateChange, SymbolicState]] = field(
         default_factory=dict[int, "tuple[StateChange, SymbolicState]"],

@@ -131,23 +131,16 @@ ASIDE, UPRIGHT = 0.005, float(np.cos(np.radians(3.0)))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Description:
-    """A document whose elements have roles and whose bodies have geometry.
-
-    Attributes:
-        shapes: geometry compiled with placeholders for all unknowns.
-        bodies: objects, surfaces and fixtures by name, in document order.
-        placed: changes that move bodies to the given poses, and down onto their support.
-        lowered: names of the lowered bodies.
-        refused: named static bodies that are no surfaces, with the reason.
-    """
+    """A document whose elements have roles and whose bodies have geometry."""
 
     document: Document
     roles: Roles
-    shapes: Shapes
-    bodies: dict[str, BodyDescription]
+    shapes: Shapes  # geometry compiled with placeholders for all unknowns
+    bodies: dict[str, BodyDescription]  # objects, surfaces and fixtures by name, in document order
+    # Changes that move bodies to the given poses, and down onto their support.
     placed: tuple[Edit, ...]
-    lowered: tuple[str, ...]
-    refused: dict[str, str]
+    lowered: tuple[str, ...]  # names of the lowered bodies
+    refused: dict[str, str]  # named static bodies that are no surfaces, with the reason
 
     def why_no_body(self, name: str) -> str:
         """Sentence with the reason why a body of the file is not measured; empty for others."""

@@ -18,20 +18,14 @@ Shape = Literal["box", "cylinder", "sphere", "plane"]
 
 @dataclass(frozen=True, slots=True)
 class SceneObject:
-    """An object or a support plane that a model detected in a picture.
+    """An object or a support plane that a model detected in a picture."""
 
-    Attributes:
-        name: name, as in the name of its pose.
-        shape: primitive shape; `plane` is a support.
-        bbox: (left, top, right, bottom) in the image, as fractions of its width and height.
-        height: the model's estimate of the world z of a plane's top, m; or None.
-        outline: corner points (x, y) of its silhouette, as fractions; None if only its box is known.
-    """
-
-    name: str
-    shape: Shape
+    name: str  # name, as in the name of its pose
+    shape: Shape  # primitive shape; `plane` is a support
+    # (left, top, right, bottom) in the image, as fractions of its width and height.
     bbox: tuple[float, float, float, float]
-    height: float | None = None
+    height: float | None = None  # the model's estimate of the world z of a plane's top, m; or None
+    # Corner points (x, y) of its silhouette, as fractions; None if only its box is known.
     outline: tuple[tuple[float, float], ...] | None = None
 
 

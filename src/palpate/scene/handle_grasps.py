@@ -21,20 +21,13 @@ from palpate.scene.resolve import ResolvedScene
 
 @dataclass(frozen=True, eq=False)
 class Geometry:
-    """Geometry of the scene: objects, surfaces and obstacles.
+    """Geometry of the scene: objects, surfaces and obstacles."""
 
-    Attributes:
-        objects: geoms of each object, in the world.
-        handles: geoms of each fixture's handle, in the world.
-        clouds: (n, 3) points of all geoms of each object.
-        tops: (n, 3) points of each surface's carrier.
-        solids: owner ("" without one) and points (n, 3) of every colliding geom except planes.
-    """
-
-    objects: Mapping[str, list[Convex]]
-    handles: Mapping[str, list[Convex]]
-    clouds: Mapping[str, Array]
-    tops: Mapping[str, Array]
+    objects: Mapping[str, list[Convex]]  # geoms of each object, in the world
+    handles: Mapping[str, list[Convex]]  # geoms of each fixture's handle, in the world
+    clouds: Mapping[str, Array]  # (n, 3) points of all geoms of each object
+    tops: Mapping[str, Array]  # (n, 3) points of each surface's carrier
+    # Owner ("" without one) and points (n, 3) of every colliding geom except planes.
     solids: Sequence[tuple[str, Array]]
     bodies: Mapping[str, Body]
     base: Pose

@@ -38,19 +38,13 @@ Bodies = Mapping[str, BodyDescription]
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class ResolvedScene:
-    """A description, the beliefs about its unknowns, and the geometry that follows.
-
-    Attributes:
-        poses: content of poses.yaml.
-        priors: prior of every missing parameter.
-        shapes: geometry compiled with the prior means.
-    """
+    """A description, the beliefs about its unknowns, and the geometry that follows."""
 
     description: Description
-    poses: Poses
+    poses: Poses  # content of poses.yaml.
     catalogue: Catalogue
-    priors: Mapping[Parameter, Prior]
-    shapes: Shapes
+    priors: Mapping[Parameter, Prior]  # prior of every missing parameter
+    shapes: Shapes  # geometry compiled with the prior means
 
     def __repr__(self) -> str:
         return f"<ResolvedScene: {', '.join(self.description.bodies)}>"

@@ -40,24 +40,17 @@ _COLUMNS = (0.0, 0.18, -0.18, 0.36, -0.36)
 
 @dataclass(frozen=True, slots=True)
 class ScaffoldItem:
-    """Object or surface of a new scene.
+    """Object or surface of a new scene."""
 
-    Attributes:
-        name: name in the MJCF.
-        kind: key of `kinds()`, or "" for an unknown name.
-        shape: `box`, `cylinder` or `sphere`.
-        extents: m; of a box along x, y and z, of a cylinder diameter and height, of a ball diameter.
-        x, y: position, m.
-        colour: red, green and blue, 0 to 1.
-    """
-
-    name: str
-    kind: str
-    shape: str
+    name: str  # name in the MJCF
+    kind: str  # key of `kinds()`, or "" for an unknown name
+    shape: str  # `box`, `cylinder` or `sphere`
+    # M; of a box along x, y and z, of a cylinder diameter and height, of a ball diameter.
     extents: tuple[float, ...]
+    # x, y: position, m
     x: float
     y: float
-    colour: str
+    colour: str  # red, green and blue, 0 to 1
 
     @property
     def height(self) -> float:

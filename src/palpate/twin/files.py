@@ -55,18 +55,13 @@ def pack(document: Document, folder: Path, name: str = TWIN) -> dict[str, str]:
 
 @dataclass(slots=True)
 class _Packing:
-    """Files that are packed into a folder.
+    """Files that are packed into a folder."""
 
-    Attributes:
-        folder: existing.
-        main: name of the main text.
-        names: name in the folder of each file.
-        texts: texts of models by their names in the folder.
-    """
-
-    folder: Path
-    main: str
+    folder: Path  # existing
+    main: str  # name of the main text
+    # Name in the folder of each file.
     names: dict[Path, str] = field(default_factory=dict[Path, str])
+    # Texts of models by their names in the folder.
     texts: dict[str, str] = field(default_factory=dict[str, str])
 
     def pack(self, document: Document, name: str) -> None:

@@ -31,16 +31,11 @@ BALL_BODY = "palpate_ball"
 
 @dataclass(frozen=True, slots=True)
 class Press:
-    """Press of the twin's surface with one force.
+    """Press of the twin's surface with one force."""
 
-    Attributes:
-        force: N.
-        depth: m, at rest.
-        low, high: m, the 95 % interval of the measured depth at that force.
-    """
-
-    force: float
-    depth: float
+    force: float  # N
+    depth: float  # m, at rest
+    # low, high: m, the 95 % interval of the measured depth at that force
     low: float
     high: float
 
@@ -155,32 +150,21 @@ REST = 0.3  # s: rest of the arm at the end of a motion
 
 @dataclass(frozen=True, slots=True)
 class ReplayResidual:
-    """Distance of a replay from the recording.
+    """Distance of a replay from the recording."""
 
-    Attributes:
-        force: N, root mean square over the force recordings of the difference of mean wrench
-            forces.
-        position: m, the same for the TCP positions of the pose recordings.
-        note: reason for missing figures, or empty.
-    """
-
+    # N, root mean square over the force recordings of the difference of mean wrench forces.
     force: float | None
-    position: float | None
-    note: str = ""
+    position: float | None  # m, the same for the TCP positions of the pose recordings
+    note: str = ""  # reason for missing figures, or empty
 
 
 @dataclass(frozen=True, slots=True)
 class Validation:
-    """Result of a validation.
+    """Result of a validation."""
 
-    Attributes:
-        settled: every object is at rest after `SETTLE_TIME`.
-        drift: m, largest displacement of an object while settling.
-        twin, template: residuals of the twin and of the template (unknowns at their priors).
-    """
-
-    settled: bool
-    drift: float
+    settled: bool  # every object is at rest after `SETTLE_TIME`
+    drift: float  # m, largest displacement of an object while settling
+    # twin, template: residuals of the twin and of the template (unknowns at their priors)
     twin: ReplayResidual
     template: ReplayResidual
 

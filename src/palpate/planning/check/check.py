@@ -30,19 +30,13 @@ from palpate.scene.scene import Scene
 
 @dataclass(frozen=True, slots=True)
 class Rule:
-    """Rule of the check.
+    """Rule of the check."""
 
-    Attributes:
-        id: name in findings.
-        asks: requirement on a plan, in words for people and models.
-        about: part of a plan that the rule tests.
-        recipe: the rule prescribes a method of measurement rather than safety, economy or form. The
-            lean prompt leaves recipes to the model.
-    """
-
-    id: str
-    asks: str
-    about: Literal["parameters", "tree"] = "tree"
+    id: str  # name in findings
+    asks: str  # requirement on a plan, in words for people and models
+    about: Literal["parameters", "tree"] = "tree"  # part of a plan that the rule tests
+    # The rule prescribes a method of measurement rather than safety, economy or form. The lean
+    # prompt leaves recipes to the model.
     recipe: bool = False
 
 

@@ -44,16 +44,11 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class Form:
-    """Nodes of a tree by path, with the primitives of its leaves.
+    """Nodes of a tree by path, with the primitives of its leaves."""
 
-    Attributes:
-        nodes: all nodes, depth first.
-        primitives: the primitives of leaves with valid arguments.
-        refused: the errors of leaves with invalid arguments.
-    """
-
-    nodes: Mapping[str, Node]
-    primitives: Mapping[str, Primitive]
+    nodes: Mapping[str, Node]  # all nodes, depth first
+    primitives: Mapping[str, Primitive]  # the primitives of leaves with valid arguments
+    # The errors of leaves with invalid arguments.
     refused: Mapping[str, ValidationError | TypeError]
 
     @classmethod
@@ -84,23 +79,15 @@ class Form:
 
 @dataclass(frozen=True, eq=False)
 class CheckedPlan:
-    """Plan under check, with the scene and the request for comparison.
+    """Plan under check, with the scene and the request for comparison."""
 
-    Attributes:
-        plan: the plan.
-        words: the permitted vocabulary.
-        scene: the scene of the run; None to check the grammar alone.
-        remeasure: allows measurement of quantities that the scene states.
-        requested: the exact set of parameters that the plan must measure; None for any.
-        repeated: allows several measurements of one parameter, for a narrower interval.
-    """
-
-    plan: Plan
-    words: Vocabulary
-    scene: Scene | None
-    remeasure: bool = False
+    plan: Plan  # the plan
+    words: Vocabulary  # the permitted vocabulary
+    scene: Scene | None  # the scene of the run; None to check the grammar alone
+    remeasure: bool = False  # allows measurement of quantities that the scene states
+    # The exact set of parameters that the plan must measure; None for any.
     requested: tuple[Parameter, ...] | None = None
-    repeated: bool = False
+    repeated: bool = False  # allows several measurements of one parameter, for a narrower interval
 
     @cached_property
     def form(self) -> Form:

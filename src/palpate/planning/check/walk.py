@@ -60,18 +60,13 @@ class WalkedAction:
 
 @dataclass(eq=False)
 class Walk:
-    """Fold of a tree over the symbolic state of a scene.
+    """Fold of a tree over the symbolic state of a scene."""
 
-    Attributes:
-        case: the plan, with its tree read.
-        state: the believed state after the part walked so far.
-        actions: the leaves in order; sensing branches of a Parallel before its motion.
-        findings: violations of single actions, with paths.
-    """
-
-    case: CheckedPlan
-    state: SymbolicState
+    case: CheckedPlan  # the plan, with its tree read
+    state: SymbolicState  # the believed state after the part walked so far
+    # The leaves in order; sensing branches of a Parallel before its motion.
     actions: list[WalkedAction] = field(default_factory=list[WalkedAction])
+    # Violations of single actions, with paths.
     findings: list[Finding] = field(default_factory=list[Finding])
     unread: bool = False
     """An action is unreadable, so its effect is unknown."""

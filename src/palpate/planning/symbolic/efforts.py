@@ -33,19 +33,12 @@ _BEFORE_THING = re.compile(r"\b(?:of|in|inside|on|over|at)\b")
 
 @dataclass(frozen=True, slots=True)
 class Errand:
-    """Transport of a tool to some objects, where a person reads it.
+    """Transport of a tool to some objects, where a person reads it."""
 
-    Attributes:
-        quantity: the quantity that a person reads off the tool.
-        tool: the carried object.
-        spots: pose expressions where it is held, in order.
-        objects: the objects that are read there.
-    """
-
-    quantity: Quantity
-    tool: str
-    spots: tuple[str, ...]
-    objects: tuple[str, ...]
+    quantity: Quantity  # the quantity that a person reads off the tool
+    tool: str  # the carried object
+    spots: tuple[str, ...]  # pose expressions where it is held, in order
+    objects: tuple[str, ...]  # the objects that are read there
 
     @property
     def explanation(self) -> str:

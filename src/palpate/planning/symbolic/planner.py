@@ -44,33 +44,21 @@ SUITE = {"surface": ("height",), "object": ("mass", "friction")}
 
 @dataclass(frozen=True, slots=True)
 class Assembled:
-    """Assembled tree with its results.
+    """Assembled tree with its results."""
 
-    Attributes:
-        tree: the tree; None if nothing can be measured.
-        measured: the parameters that the tree yields.
-        failed: the parameters that it cannot yield, with reasons.
-        omitted: a sentence for each optional recording without free space.
-    """
-
-    tree: Node | None
-    measured: tuple[Parameter, ...]
-    failed: tuple[UnmeasuredParameters, ...]
-    omitted: tuple[str, ...] = ()
+    tree: Node | None  # the tree; None if nothing can be measured
+    measured: tuple[Parameter, ...]  # the parameters that the tree yields
+    failed: tuple[UnmeasuredParameters, ...]  # the parameters that it cannot yield, with reasons
+    omitted: tuple[str, ...] = ()  # a sentence for each optional recording without free space
 
 
 @dataclass(frozen=True, slots=True)
 class SymbolicPlanner:
-    """Planner that uses words and geometry alone.
+    """Planner that uses words and geometry alone."""
 
-    Attributes:
-        remeasure: requested values are measured even where the scene states them.
-        within: requested widths of intervals.
-        measure: the parameters to measure; None for those of the request.
-    """
-
-    remeasure: bool = False
-    within: Within = field(default_factory=Within)
+    remeasure: bool = False  # requested values are measured even where the scene states them
+    within: Within = field(default_factory=Within)  # requested widths of intervals
+    # The parameters to measure; None for those of the request.
     measure: tuple[Parameter, ...] | None = None
     name: str = "symbolic"
 

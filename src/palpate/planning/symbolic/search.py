@@ -62,27 +62,19 @@ Task = tuple[bool, frozenset[str]]
 
 @dataclass(eq=False)
 class Backchainer:
-    """Builds one plan over one symbolic state, object by object.
+    """Builds one plan over one symbolic state, object by object."""
 
-    Attributes:
-        scene: the scene of the plan.
-        words: the permitted vocabulary.
-        mirrored: slides go to the opposite side first. A dragged object lags behind the hand and
-            stays slightly displaced. Alternate sides cancel this bias.
-        balances: the last grasp of a weighed object is at its estimated balance point.
-        extras: optional evidence is recorded too.
-        omitted: messages on optional recordings that have no free space.
-        steps: the steps of the plan so far.
-        state: the symbolic state after `steps`.
-    """
-
-    scene: Scene
-    words: Vocabulary = field(default_factory=vocabulary)
+    scene: Scene  # the scene of the plan
+    words: Vocabulary = field(default_factory=vocabulary)  # the permitted vocabulary
+    # Slides go to the opposite side first. A dragged object lags behind the hand and stays slightly
+    # displaced. Alternate sides cancel this bias.
     mirrored: bool = False
-    balances: bool = True
-    extras: bool = True
+    balances: bool = True  # the last grasp of a weighed object is at its estimated balance point
+    extras: bool = True  # optional evidence is recorded too
+    # Messages on optional recordings that have no free space.
     omitted: list[str] = field(default_factory=list[str], init=False)
-    state: SymbolicState = field(init=False)
+    state: SymbolicState = field(init=False)  # the symbolic state after `steps`
+    # The steps of the plan so far.
     steps: list[Step] = field(default_factory=list[Step], init=False)
     _solved: dict[Task, tuple[str, list[Step]]] = field(
         default_factory=dict[Task, tuple[str, list[Step]]], init=False

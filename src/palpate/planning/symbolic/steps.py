@@ -38,15 +38,10 @@ ASIDE = 0.03  # m. Minimum offset of a slide along the other axis.
 
 @dataclass(frozen=True, slots=True)
 class Step:
-    """Primitives that run together, as a Parallel when there are several.
+    """Primitives that run together, as a Parallel when there are several."""
 
-    Attributes:
-        primitives: the primitives.
-        touches: the step ends in contact with a surface.
-    """
-
-    primitives: tuple[Primitive, ...]
-    touches: bool = False
+    primitives: tuple[Primitive, ...]  # the primitives
+    touches: bool = False  # the step ends in contact with a surface
 
     @property
     def moving(self) -> list[Primitive]:

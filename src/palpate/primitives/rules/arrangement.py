@@ -22,31 +22,20 @@ HIGHER = "higher"  # Kind of the raised copies of objects on a surface of unknow
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ShapePart:
-    """A moving or static shape.
+    """A moving or static shape."""
 
-    Attributes:
-        geom: its id in the compiled scene.
-        kind: `hand`, `load`, a finger's side, `link`, `higher`; else empty.
-        owner: the body that it is part of.
-    """
-
-    geom: int
-    kind: str
-    owner: str
+    geom: int  # its id in the compiled scene
+    kind: str  # `hand`, `load`, a finger's side, `link`, `higher`; else empty
+    owner: str  # the body that it is part of
 
 
 @dataclass(frozen=True, eq=False)
 class Arrangement:
-    """k static shapes.
+    """k static shapes."""
 
-    Attributes:
-        parts: the shapes.
-        frames: their poses, at a single moment.
-        middles, halves: centres and half extents (k, 3), m, of their bounding boxes in the world.
-    """
-
-    parts: tuple[ShapePart, ...]
-    frames: Frames
+    parts: tuple[ShapePart, ...]  # the shapes
+    frames: Frames  # their poses, at a single moment
+    # middles, halves: centres and half extents (k, 3), m, of their bounding boxes in the world
     middles: Array
     halves: Array
 

@@ -26,17 +26,11 @@ Numbers = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Boxes:
-    """Oriented boxes in the world.
+    """Oriented boxes in the world."""
 
-    Attributes:
-        centres: (n, 3), m.
-        axes: (n, 3, 3), unit axes as columns.
-        halves: (n, 3), half extents, m.
-    """
-
-    centres: Array
-    axes: Array
-    halves: Array
+    centres: Array  # (n, 3), m
+    axes: Array  # (n, 3, 3), unit axes as columns
+    halves: Array  # (n, 3), half extents, m
 
     def at(self, positions: Array) -> Boxes:
         """Copies of the boxes, their frame moved to each of `positions` (m, 3): m n boxes."""
@@ -205,23 +199,16 @@ DAMPING = 1e-6  # m^2, of a Newton step
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmPath:
-    """Path of the arm, the hand and the fingers at n moments, evenly spaced; linear in between.
+    """Path of the arm, the hand and the fingers at n moments, evenly spaced; linear in between."""
 
-    Attributes:
-        positions, quaternions: (n, 3) and (n, 4) of the TCP, world.
-        widths: (n,) m between the fingers.
-        q: (n, 7) rad; None where only the hand matters.
-        links: poses of the arm's links, where they are computed already.
-        key: cache key of the path; empty without one.
-        forth: the path of the opposite direction, if this path was made by reversing it.
-    """
-
+    # positions, quaternions: (n, 3) and (n, 4) of the TCP, world
     positions: Array
     quaternions: Array
-    widths: Array
-    q: Array | None = None
-    links: Frames | None = None
-    key: tuple[object, ...] = ()
+    widths: Array  # (n,) m between the fingers
+    q: Array | None = None  # (n, 7) rad; None where only the hand matters
+    links: Frames | None = None  # poses of the arm's links, where they are computed already
+    key: tuple[object, ...] = ()  # cache key of the path; empty without one
+    # The path of the opposite direction, if this path was made by reversing it.
     forth: ArmPath | None = None
 
     @property

@@ -59,19 +59,14 @@ ANYTHING = ""
 
 @dataclass(frozen=True, slots=True)
 class Allowed:
-    """Bodies that a motion may touch or come near.
+    """Bodies that a motion may touch or come near."""
 
-    Attributes:
-        between: objects between the open fingers at its start or its end.
-        carriers: carriers of the load at its end. The fingers are as high above them as where they
-            took the load.
-        touched: the body that a probe touches with the fingers, or `ANYTHING`.
-        left: the surface that a probe touched, which the hand leaves by the way it came.
-    """
-
-    between: frozenset[str]
+    between: frozenset[str]  # objects between the open fingers at its start or its end
+    # Carriers of the load at its end. The fingers are as high above them as where they took the
+    # load.
     carriers: frozenset[str]
-    touched: str | None
+    touched: str | None  # the body that a probe touches with the fingers, or `ANYTHING`
+    # The surface that a probe touched, which the hand leaves by the way it came.
     left: str | None = None
 
     @classmethod

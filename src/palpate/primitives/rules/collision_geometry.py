@@ -79,16 +79,12 @@ def opening(state: SymbolicState) -> float:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ToolShapes:
-    """Shapes that move with the tool: the hand, the closed fingers and the held object.
+    """Shapes that move with the tool: the hand, the closed fingers and the held object."""
 
-    Attributes:
-        parts, group: the shapes, in the tool frame.
-        sides: (k,) displacement of each shape along the tool's y per metre of opening.
-    """
-
+    # parts, group: the shapes, in the tool frame
     parts: tuple[ShapePart, ...]
     group: ShapeGroup
-    sides: Array
+    sides: Array  # (k,) displacement of each shape along the tool's y per metre of opening
 
     def at(self, path: ArmPath) -> Frames:
         """Frames along a path."""

@@ -16,15 +16,10 @@ APPROACHES = 40  # Largest number of steps in which a pad closes in on an object
 
 @dataclass(frozen=True, slots=True)
 class Grip:
-    """Contact of the pads with an object.
+    """Contact of the pads with an object."""
 
-    Attributes:
-        width: m between the closed pads.
-        aside: m, offset of the object's middle from the tool's axis, along the tool's y.
-    """
-
-    width: float
-    aside: float
+    width: float  # m between the closed pads
+    aside: float  # m, offset of the object's middle from the tool's axis, along the tool's y
 
 
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:

@@ -50,16 +50,12 @@ Cells = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True)
 class PathSpan:
-    """A part of a straight path.
+    """A part of a straight path."""
 
-    Attributes:
-        start, end: poses of the TCP in the world.
-        guarded: contact is possible here.
-    """
-
+    # start, end: poses of the TCP in the world
     start: Pose
     end: Pose
-    guarded: bool
+    guarded: bool  # contact is possible here
 
 
 def spans(state: SymbolicState, start: Pose, end: Pose) -> Iterator[PathSpan]:

@@ -86,25 +86,17 @@ class ShapeGroup:
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """All shapes of a scene and of its arm.
+    """All shapes of a scene and of its arm."""
 
-    Attributes:
-        scene: the scene.
-        model: scene and arm, compiled with every unknown at its believed value.
-        objects: each object's shapes, in its frame.
-        fixed: shapes of static bodies, the arm's base among them, in the world.
-        owners: name of each shape's body for people, by geom id.
-        hand, fingers: shapes in the tool frame with the fingers closed; fingers by side.
-        links: geom ids of the arm's moving links up to the hand, with the number of their joint.
-    """
-
-    scene: Scene
-    model: mujoco.MjModel
-    objects: Mapping[str, ShapeGroup]
-    fixed: ShapeGroup
-    owners: Mapping[int, str]
+    scene: Scene  # the scene
+    model: mujoco.MjModel  # scene and arm, compiled with every unknown at its believed value
+    objects: Mapping[str, ShapeGroup]  # each object's shapes, in its frame
+    fixed: ShapeGroup  # shapes of static bodies, the arm's base among them, in the world
+    owners: Mapping[int, str]  # name of each shape's body for people, by geom id
+    # hand, fingers: shapes in the tool frame with the fingers closed; fingers by side
     hand: ShapeGroup
     fingers: Mapping[str, ShapeGroup]
+    # Geom ids of the arm's moving links up to the hand, with the number of their joint.
     links: Mapping[int, int]
     _data: mujoco.MjData
     _segment: Array = field(default_factory=lambda: np.zeros(6))

@@ -40,38 +40,25 @@ MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Top:
-    """Upper face of a shape.
+    """Upper face of a shape."""
 
-    Attributes:
-        owner: name of its body.
-        outline: (k, 2) m, corners, counterclockwise.
-        height: world z of the face, m.
-        foot: world z of the shape's lowest point, m.
-        friction: sliding coefficient, `priority` and `condim` of the geom, which MuJoCo combines in
-            a contact.
-    """
-
-    owner: str
-    outline: Array
-    height: float
-    foot: float
+    owner: str  # name of its body
+    outline: Array  # (k, 2) m, corners, counterclockwise
+    height: float  # world z of the face, m
+    foot: float  # world z of the shape's lowest point, m
+    # Sliding coefficient, `priority` and `condim` of the geom, which MuJoCo combines in a contact.
     friction: tuple[float, int, int]
 
 
 @dataclass(frozen=True, eq=False)
 class Footing:
-    """An object at a pose, and the tops below it.
+    """An object at a pose, and the tops below it."""
 
-    Attributes:
-        bottom: world z of its lowest point, m.
-        outline, face: (k, 2) corners of the whole object seen from above, and of its lower face.
-        tops: tops under its outline, at any height below.
-    """
-
-    bottom: float
+    bottom: float  # world z of its lowest point, m
+    # outline, face: (k, 2) corners of the whole object seen from above, and of its lower face
     outline: Array
     face: Array
-    tops: tuple[Top, ...]
+    tops: tuple[Top, ...]  # tops under its outline, at any height below
 
     @cached_property
     def carriers(self) -> tuple[Top, ...]:

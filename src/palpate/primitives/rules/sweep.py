@@ -35,19 +35,13 @@ Pairs = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True)
 class Hit:
-    """Two parts that come too near each other.
-
-    Attributes:
-        distance: m, negative where they overlap.
-        where: (3,) m, world.
-        share: of the path, from 0 to 1.
-    """
+    """Two parts that come too near each other."""
 
     part: ShapePart
     other: ShapePart
-    distance: float
-    where: tuple[float, float, float]
-    share: float
+    distance: float  # m, negative where they overlap
+    where: tuple[float, float, float]  # (3,) m, world
+    share: float  # of the path, from 0 to 1
 
     @property
     def place(self) -> str:
@@ -58,16 +52,11 @@ class Hit:
 
 @dataclass(eq=False)
 class Moment:
-    """The moving shapes at one moment.
+    """The moving shapes at one moment."""
 
-    Attributes:
-        at: number of the moment; a fraction between two of the path.
-        frames: their poses.
-        distances: m, measured so far, by the number of the pair.
-    """
-
-    at: float
-    frames: Frames
+    at: float  # number of the moment; a fraction between two of the path
+    frames: Frames  # their poses
+    # m, measured so far, by the number of the pair.
     distances: dict[int, float] = field(default_factory=dict[int, float])
 
 
@@ -91,26 +80,18 @@ class Met(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Moving shapes along a path, among static shapes.
+    """Moving shapes along a path, among static shapes."""
 
-    Attributes:
-        solids: the shapes of the scene.
-        path: the path.
-        moving: the m moving parts.
-        place: frames of the moving parts along a path.
-        still: the k static parts.
-        meets: (m, m + k) mask of the moving parts that could meet each of all parts.
-        growth: m, the largest distance that matters. Pairs that stay farther apart are left out.
-        forth: the sweep of the opposite direction, whose distances this one reuses.
-    """
-
-    solids: Solids
-    path: ArmPath
-    moving: Sequence[ShapePart]
-    place: Callable[[ArmPath], Frames]
-    still: Arrangement
+    solids: Solids  # the shapes of the scene
+    path: ArmPath  # the path
+    moving: Sequence[ShapePart]  # the m moving parts
+    place: Callable[[ArmPath], Frames]  # frames of the moving parts along a path
+    still: Arrangement  # the k static parts
+    # (m, m + k) mask of the moving parts that could meet each of all parts.
     meets: NDArray[np.bool_]
+    # m, the largest distance that matters. Pairs that stay farther apart are left out.
     growth: float
+    # The sweep of the opposite direction, whose distances this one reuses.
     forth: Sweep | None = None
 
     def back(self) -> Sweep:
