@@ -65,7 +65,7 @@ lock:
 	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-strip-extras --no-annotate --no-header \
 		--python-version 3.11 --group build pyproject.toml -o requirements.txt
 	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-strip-extras --no-annotate --no-header \
-		--python-version 3.11 --extra vlm --extra ray --extra franky --extra live --extra groot --extra see --extra export --extra logs --group build --group dev -c requirements.txt pyproject.toml -o requirements-dev.txt
+		--python-version 3.11 --extra vlm --extra ray --extra franky --extra live --extra see --extra export --extra logs --group build --group dev -c requirements.txt pyproject.toml -o requirements-dev.txt
 	uv pip compile --quiet --universal --generate-hashes --no-emit-index-url --no-strip-extras --no-annotate --no-header \
 		--python-version 3.11 --group docs -c requirements-dev.txt pyproject.toml -o requirements-docs.txt
 

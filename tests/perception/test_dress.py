@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
 
 from palpate.common.errors import InputError
-from palpate.perception.dress import LOOKS, dress, looks_in, parts_of
-from palpate.perception.meshes import LookBox
+from palpate.perception.dress import dress, look_catalogue, looks_in
 from palpate.perception.stage import build_stage
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 
@@ -20,6 +21,22 @@ SCENE = """<mujoco><worldbody>
 </worldbody><custom><text name="look:cup" data="cup milk"/><text name="note" data="x"/></custom></mujoco>"""
 
 
+LOOKS = [body.name for body in look_catalogue().worldbody.bodies]
+ROUND = ["bottle", "bowl", "candle", "cup", "mug", "thermometer", "tin"]
+
+
+def worn(model: mujoco.MjModel) -> list[int]:
+    """Geoms of looks."""
+    return [g for g in range(model.ngeom) if model.geom(g).name.startswith("look:")]
+
+
+def mesh_points(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> np.ndarray:
+    """World positions (n, 3) of the vertices of a mesh."""
+    mesh = model.mesh(int(model.geom_dataid[geom]))
+    points = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
+    return data.geom_xpos[geom] + points @ data.geom_xmat[geom].reshape(3, 3).T
+
+
 def dressed(looks: dict[str, str]) -> mujoco.MjModel:
     spec = mujoco.MjSpec.from_string(SCENE)
     dress(spec, looks)
@@ -27,16 +44,42 @@ def dressed(looks: dict[str, str]) -> mujoco.MjModel:
 
 
 @pytest.mark.parametrize("look", LOOKS)
-def test_a_look_fits_the_box_of_the_shapes_and_is_small(look: str) -> None:
-    fit = LookBox(
-        np.array([0.1, 0.0, 0.2]), np.array([0.04, 0.03, 0.05]), (0.2, 0.4, 0.8), drop=0.7
+@pytest.mark.parametrize("size", [".04 .03 .05", ".03 .04 .05"])
+def test_a_look_fits_the_box_of_the_shapes_and_is_small(look: str, size: str) -> None:
+    spec = mujoco.MjSpec.from_string(
+        f"""<mujoco><worldbody><geom type="plane" size="3 3 .1" pos="0 0 -.7"/><body name="it" pos="0 0 .2">
+        <geom type="box" size="{size}" pos=".1 0 0"/></body></worldbody></mujoco>"""
     )
-    parts = parts_of(f"{look} SALT", fit)
-    points = np.concatenate([part.mesh.vertices for part in parts])
-    assert len(points) < 9000
-    assert 0.20 < points[:, 2].max() < 0.252
-    for part in parts:
-        assert part.mesh.faces.max() < len(part.mesh.vertices)
+    dress(spec, {"it": f"{look} SALT"})
+    model = spec.compile()
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    assert model.nmeshvert < 9000
+    drawn = np.concatenate([mesh_points(model, data, g) for g in worn(model)])
+    assert 0.23 < drawn[:, 2].max() < 0.252
+    assert (drawn[:, 2].min() < -0.69) == (look == "table")
+    if look not in {*ROUND, "open_box"}:
+        np.testing.assert_allclose(
+            np.ptp(drawn[:, :2], axis=0), 2 * np.fromstring(size, sep=" ")[:2], rtol=0.15
+        )
+
+
+def test_a_look_is_found_where_file_names_lose_their_folders(tmp_path: Path) -> None:
+    ball = Path(look_catalogue().modelfiledir, "ball.obj")
+    (tmp_path / "own.obj").write_bytes(ball.read_bytes())
+    spec = mujoco.MjSpec.from_string(
+        """<mujoco><compiler strippath="true"/><asset><mesh file="far/own.obj"/></asset>
+        <worldbody><body name="it"><geom type="mesh" mesh="own"/></body></worldbody></mujoco>"""
+    )
+    spec.modelfiledir = str(tmp_path)
+    assert build_stage(spec, {"it": "ball"}).nmesh == 2
+
+
+def test_words_choose_the_content_and_the_signs() -> None:
+    coffee, salt = (dressed({"cup": f"mug {word}"}) for word in ("coffee", "salt"))
+    assert len(worn(coffee)) == len(worn(salt)) + 1
+    assert len(worn(dressed({"cup": "soap"}))) + 1 == len(worn(dressed({"cup": "soap SALT"})))
+    assert dressed({"cup": "tin PEAS"}).ntex == 1
 
 
 def test_looks_are_seen_and_neither_touched_nor_weighed() -> None:
@@ -44,7 +87,7 @@ def test_looks_are_seen_and_neither_touched_nor_weighed() -> None:
     np.testing.assert_array_equal(model.body_mass, plain.body_mass)
     np.testing.assert_array_equal(model.body_inertia, plain.body_inertia)
     assert (model.nq, model.nv) == (plain.nq, plain.nv)
-    added = [g for g in range(model.ngeom) if model.geom(g).name.startswith("look:")]
+    added = worn(model)
     assert added
     assert not model.geom_contype[added].any()
     assert not model.geom_conaffinity[added].any()
@@ -78,9 +121,7 @@ def test_a_table_stands_on_legs_down_to_the_floor() -> None:
     model = dressed({"table": "table"})
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    legs, mesh = model.geom("look:table:1").id, model.mesh("look:table:1")
-    points = model.mesh_vert[mesh.vertadr[0] :][: mesh.vertnum[0]]
-    lowest = data.geom_xpos[legs] + points @ data.geom_xmat[legs].reshape(3, 3).T
+    lowest = mesh_points(model, data, model.geom("look:table:1").id)
     assert lowest[:, 2].min() == pytest.approx(-0.7, abs=0.002)
 
 

@@ -4,15 +4,13 @@ from __future__ import annotations
 
 import inspect
 from collections.abc import Callable, Iterator, Mapping
-from copy import copy
-from dataclasses import MISSING, Field, dataclass, fields, is_dataclass
+from dataclasses import MISSING, dataclass, fields, is_dataclass
 from functools import wraps
 from inspect import Parameter, Signature
 from typing import Annotated, Any, TypeVar, get_args, get_origin, get_type_hints
 
 import typer
 from typer.core import TyperCommand, TyperOption
-from typer.models import OptionInfo
 
 from palpate.cli.console import Voice, print_error
 from palpate.cli.options import FromSettings
@@ -78,21 +76,15 @@ class SingleValued(TyperCommand):
 
 @dataclass(frozen=True)
 class _Group:
-    """Options that are the fields of a dataclass, in a panel of the help."""
+    """Options that are the fields of a dataclass."""
 
     kind: Any
 
     def parameters(self) -> Iterator[Parameter]:
         hints = get_type_hints(self.kind, include_extras=True)
-        panel = getattr(self.kind, "PANEL", None)
         for field in fields(self.kind):
-            hint = hints[field.name]
-            kind, info = get_args(hint)
-            # Copy the option before its change: commands share it.
-            if panel is not None and isinstance(info, OptionInfo):
-                info = copy(info)
-                info.rich_help_panel = panel
-            yield _option(field.name, Annotated[kind, info], _default(field))
+            default = Parameter.empty if field.default is MISSING else field.default
+            yield _option(field.name, hints[field.name], default)
 
     def gather(self, values: dict[str, Any]) -> Any:
         return self.kind(**{field.name: values.pop(field.name) for field in fields(self.kind)})
@@ -118,12 +110,6 @@ def _options(
         else:
             options.append(_option(name, hints[name], parameter.default))
     return options
-
-
-def _default(field: Field[Any]) -> Any:
-    if field.default is MISSING:
-        return Parameter.empty
-    return field.default
 
 
 def _option(name: str, hint: Any, default: Any) -> Parameter:

@@ -13,9 +13,9 @@ from palpate.cli.options import (
     SCENE,
     AsJson,
     Given,
+    LiveView,
     PlanFile,
     SceneArgument,
-    WatchOptions,
     Yes,
     one_scene,
     settings,
@@ -40,7 +40,7 @@ def demo(
     *,
     given: Annotated[Given, settings(*OF_DEMO)],
     planner: Annotated[str | None, typer.Option("--planner")] = None,
-    watch: WatchOptions,
+    live: LiveView = False,
     as_json: AsJson = False,
     model: Annotated[Given, settings(MODEL)],
 ) -> None:
@@ -49,7 +49,7 @@ def demo(
 
     chosen = scenario(name)
     asked = chosen.settings(planner=planner or chosen.planner, **given, **model)
-    carry_out(asked, as_json, watch)
+    carry_out(asked, as_json, live)
 
 
 def run(
@@ -70,37 +70,36 @@ def run(
             *MOTION,
         ),
     ],
-    watch: WatchOptions,
+    live: LiveView = False,
     as_json: AsJson = False,
     yes: Yes = False,
     model: Annotated[Given, settings(MODEL)],
 ) -> None:
     """Measure what is missing and write the twin and the report."""
-    carry_out(settings_of(**one_scene(scene, given), **model), as_json, watch, yes)
+    carry_out(settings_of(**one_scene(scene, given), **model), as_json, live, yes)
 
 
 def execute(
     plan: PlanFile,
     *,
     given: Annotated[Given, settings("scene", *SCENE, *MOTION)],
-    watch: WatchOptions,
+    live: LiveView = False,
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
     """Execute an existing plan."""
     from palpate.runs.tools import replay_planner_name
 
-    carry_out(settings_of(**given, planner=replay_planner_name(plan)), as_json, watch, yes)
+    carry_out(settings_of(**given, planner=replay_planner_name(plan)), as_json, live, yes)
 
 
-def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = False) -> None:
+def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, and exit with its status."""
     from palpate.cli.show_arms import confirm_seen
     from palpate.cli.show_run import (
         ValuesFirst,
         confirm_plan,
         confirm_proposal,
-        groot,
         live_page,
         live_view,
         pace,
@@ -117,8 +116,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
     with (
         interrupts() as signals,
         signals.defer(),
-        live_page(watch.live) as page,
-        groot(watch) as publisher,
+        live_page(live) as page,
     ):
         # Questions go to the page if there is one, else to the terminal.
         warn_of_drawn_truth(asked)
@@ -126,7 +124,7 @@ def carry_out(asked: Settings, as_json: bool, watch: WatchOptions, yes: bool = F
         planned = page.planned if page else unheard if yes else show_plan_early
         proposal = refuse_proposal if as_json else confirm_proposal
         # Run with the views and callbacks, then print the result.
-        with live_view(page, publisher, pace(watch, asked)) as (observer, say):
+        with live_view(page, pace(live, asked)) as (observer, say):
             values = ValuesFirst(as_json)
             callbacks = RunCallbacks(
                 observer,

@@ -41,7 +41,6 @@ PROVIDERS = {
 
 EXTRAS = {
     "live": ("page for --live", "viser"),
-    "groot": ("Groot2 for --groot", "pyzmq"),
     "export": ("export to USD", "mujoco-usd-converter"),
 }
 """Optional packages: purpose and distribution."""

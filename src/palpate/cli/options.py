@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import MISSING, dataclass
 from inspect import Parameter
 from pathlib import Path
-from typing import Annotated, Any, ClassVar, get_args, get_origin
+from typing import Annotated, Any, get_args, get_origin
 
 import typer
 
@@ -44,6 +44,14 @@ PlanFile = Annotated[
     Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
 ]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
+LiveView = Annotated[
+    bool,
+    typer.Option(
+        "--live",
+        help="Show the run in the browser, at the pace of a real arm; replay it afterwards.",
+        rich_help_panel="Watching",
+    ),
+]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
 EstimatorNames = Annotated[
     list[str] | None,
@@ -53,30 +61,6 @@ EstimatorNames = Annotated[
         help="Estimator of a quantity, e.g. mass=single-shot; may be repeated.",
     ),
 ]
-
-
-@dataclass(frozen=True)
-class WatchOptions:
-    """Observers of a run in addition to the terminal."""
-
-    PANEL: ClassVar[str] = "Watching"
-
-    live: Annotated[
-        bool,
-        typer.Option(
-            "--live",
-            help="Show the run in the browser, at the pace of a real arm; replay it afterwards.",
-        ),
-    ] = False
-    groot: Annotated[bool, typer.Option("--groot", help="Publish the tree for Groot2, live.")] = (
-        False
-    )
-    groot_port: Annotated[
-        int,
-        typer.Option(
-            "--groot-port", metavar="PORT", min=1, max=65535, help="Where Groot2 connects."
-        ),
-    ] = 1667
 
 
 _DECLARED = tuple(iter_options(Settings))

@@ -18,13 +18,11 @@ from palpate.runs.figures import significant
 from palpate.runs.report.console import SafeConsole
 
 if TYPE_CHECKING:
-    from palpate.cli.options import WatchOptions
     from palpate.common.processes import Interrupts
     from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.runs.callbacks import Confirm, Progress
     from palpate.runs.held_out import HeldOutMotion
-    from palpate.runs.report.live_groot import GrootPublisher
     from palpate.runs.report.live_page import LivePage
     from palpate.runs.report.live_terminal import RealTime, View
     from palpate.runs.run import Run
@@ -69,29 +67,11 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
         yield page
 
 
-@contextmanager
-def groot(wanted: WatchOptions) -> Generator[GrootPublisher | None]:
-    """Open the port for Groot2 if it is requested.
-
-    Raises:
-        Unavailable: pyzmq is not installed, or the port is taken.
-    """
-    if not wanted.groot:
-        yield None
-        return
-    from palpate.runs.report.live_groot import GrootPublisher
-
-    with GrootPublisher(wanted.groot_port) as publisher:
-        err.print(f"[dim]Groot2[/] {publisher.url}", soft_wrap=True)
-        yield publisher
-
-
-def pace(wanted: WatchOptions, settings: Settings) -> RealTime | None:
-    """Slow a simulated arm down to real time, if a person watches it on the page or in Groot2."""
+def pace(live: bool, settings: Settings) -> RealTime | None:
+    """Slow a simulated arm down to real time, if a person watches it on the page."""
     from palpate.runs.report.live_terminal import RealTime
 
-    watched = wanted.live or wanted.groot
-    return RealTime() if watched and settings.robot is None else None
+    return RealTime() if live and settings.robot is None else None
 
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:

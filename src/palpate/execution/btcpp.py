@@ -1,4 +1,4 @@
-"""BehaviorTree.CPP 4 XML of plans, running trees and the vocabulary, for Groot2."""
+"""BehaviorTree.CPP 4 XML of plans and the vocabulary, for Groot2."""
 
 from __future__ import annotations
 
@@ -8,13 +8,10 @@ from typing import Any, Literal, Union, get_args, get_origin
 from xml.etree import ElementTree
 from xml.etree.ElementTree import Element, SubElement
 
-from py_trees.behaviour import Behaviour
-
 from palpate.common.errors import InputError
-from palpate.execution.leaf import PrimitiveLeaf, leaves
 from palpate.planning.plan import Node, Plan
 from palpate.primitives.base import Primitive
-from palpate.primitives.registry import COMPOSITES, Composite, Vocabulary
+from palpate.primitives.registry import Composite, Vocabulary
 
 TREE_ID = "Plan"
 BUFFER_TYPE = "palpate::Recording"
@@ -39,21 +36,6 @@ def tree_xml(plan: Plan, words: Vocabulary) -> str:
     return document_text(root)
 
 
-def running_xml(root: Behaviour, numbers: Mapping[Behaviour, int]) -> str:
-    """A running tree for Groot2.
-
-    Every node is written under its type, with the number that identifies it in status messages
-    (source: BehaviorTree.CPP 4.8, `WriteTreeToXML` with metadata).
-    """
-    document = Element("root", BTCPP_format="4")
-    tree = SubElement(document, "BehaviorTree", ID=TREE_ID, _fullpath="")
-    add_running_node(tree, root, numbers)
-    # Only the primitives of this tree: Groot2 needs no others.
-    used = {type(leaf.primitive).__name__: type(leaf.primitive) for leaf in leaves(root)}
-    document.append(nodes_model(Vocabulary(used)))
-    return document_text(document)
-
-
 def tree_nodes_model(words: Vocabulary) -> str:
     """The TreeNodesModel of a vocabulary: all primitives with their ports, types and descriptions."""
     root = Element("root", BTCPP_format="4")
@@ -74,19 +56,6 @@ def add_node(parent: Element, node: Node, words: Vocabulary) -> None:
         return
     for child in node.children:
         add_node(element, child, words)
-
-
-def add_running_node(parent: Element, node: Behaviour, numbers: Mapping[Behaviour, int]) -> None:
-    if isinstance(node, PrimitiveLeaf):
-        kind = type(node.primitive)
-        element = SubElement(parent, kind.__name__)
-        set_ports(element, kind, dict(node.primitive))
-    else:
-        element = add_composite(parent, COMPOSITES[type(node).__name__])
-    element.set("name", port_value(node.name))
-    element.set("_uid", str(numbers[node]))
-    for child in node.children:
-        add_running_node(element, child, numbers)
 
 
 def add_composite(parent: Element, composite: Composite) -> Element:

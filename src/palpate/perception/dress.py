@@ -1,20 +1,21 @@
-"""Visual shapes of bodies for pictures, and the meshes of MuJoCo Menagerie."""
+"""Visual shapes of bodies for pictures: the looks in `assets`, and the meshes of MuJoCo Menagerie."""
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Mapping
-from dataclasses import replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
 
 from palpate.common.errors import unknown_name
 from palpate.common.pose import Array
-from palpate.perception import looks
-from palpate.perception.meshes import LookBox, LookPart
+from palpate.perception import prints
+from palpate.perception.prints import ASSETS
 from palpate.perception.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 from palpate.robots.description import PREFIX
 
@@ -26,48 +27,53 @@ HIDDEN, SHOWN = 3, 2
 Looks = Mapping[str, str]
 """Looks by body name."""
 
-LOOKS: Mapping[str, Callable[[LookBox, str], list[LookPart]]] = {
-    "ball": looks.ball,
-    "block": looks.block,
-    "board": looks.board,
-    "bottle": looks.bottle,
-    "bowl": looks.bowl,
-    "candle": looks.candle,
-    "carton": looks.carton,
-    "cloth": looks.cloth,
-    "cup": looks.cup,
-    "hammer": looks.hammer,
-    "mug": looks.mug,
-    "open_box": looks.open_box,
-    "shut_box": looks.shut,
-    "soap": looks.soap,
-    "table": looks.table,
-    "thermometer": looks.thermometer,
-    "tin": looks.tin,
+TABLE, FRAME = "table", "table_frame"
+"""Look of supports, and its mesh below the top. The look is fitted to the largest shape alone, the
+table top without legs.
+"""
+SHORTEST = 0.15
+"""m. Height below which a table is drawn without its frame."""
+LONGER = 1.001
+"""Ratio of the sides, from which on a look is turned so that its longer side is the box's."""
+OWN, CONTENT, ROUND = "own_", "content", "round"
+"""Prefix of materials in the body's own colour, material of a content, class of round looks."""
+PRINTS: Mapping[str, Callable[[str, prints.Ink], Pixels]] = {
+    "label": prints.label,
+    "carton": prints.carton,
+    "sign": prints.sign,
+    "paper_sign": lambda words, _: prints.sign(words, prints.PAPER),
 }
-TABLE = "table"
-"""Look of supports. It is fitted to the largest shape alone, the table top without legs."""
+"""Textures that are drawn with the words of a look and the colour of the body."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LookBox:
+    """Box for a look around a body's shapes, in the body frame.
+
+    Attributes:
+        centre: (3,) m.
+        half: (3,) half extents, m.
+        colour: (3,) red, green and blue of the largest shape, 0 to 1.
+        drop: distance from the lower face of the box to the floor, m.
+    """
+
+    centre: Array
+    half: Array
+    colour: Array
+    drop: float = 0.0
+
+
+@cache
+def look_catalogue() -> Any:
+    """Load the looks as an `MjSpec`: one body each, which reaches from -1 to 1 along each axis."""
+    # The stubs of MuJoCo 4.0 lack most attributes of materials and textures.
+    return mujoco.MjSpec.from_file(str(ASSETS / "looks.xml"))
 
 
 def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
     """Return the looks that a scene states for its bodies."""
     texts: list[mujoco.MjsText] = list(spec.texts)
     return {text.name.removeprefix(WORD): text.data for text in texts if text.name.startswith(WORD)}
-
-
-def parts_of(look: str, fit: LookBox) -> list[LookPart]:
-    """Return the parts of a look in the body frame.
-
-    `look` is its name, optionally followed by a space and the text on it or its content.
-
-    Raises:
-        InputError: unknown look; the message lists the valid ones.
-    """
-    name, _, words = look.partition(" ")
-    if name not in LOOKS:
-        raise unknown_name("look", name, LOOKS)
-    parts = LOOKS[name](fit, words.strip())
-    return [replace(part, mesh=part.mesh.moved(fit.centre)) for part in parts]
 
 
 def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
@@ -89,12 +95,11 @@ def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
         fit = _fit(plain, data, name, look)
         if fit is None:
             continue
-        # Hide the collision shapes and add the parts of the look.
+        # Hide the collision shapes and add those of the look.
         geoms: list[mujoco.MjsGeom] = list(here[name].geoms)
         for geom in geoms:
             geom.group = HIDDEN
-        for number, part in enumerate(parts_of(look, fit)):
-            _add(spec, here[name], f"{WORD}{name}:{number}", part)
+        _add_look(spec, here[name], look, fit)
 
 
 def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> LookBox | None:
@@ -120,36 +125,67 @@ def _fit(model: mujoco.MjModel, data: mujoco.MjData, name: str, look: str) -> Lo
     planes = (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & (model.geom_bodyid == 0)
     floor = model.geom_pos[planes, 2]
     above = float(data.body(name).xpos[2]) - float(floor.min()) if len(floor) else 0.0
-    red, green, blue = (float(value) for value in geom_rgba(model, largest)[:3])
     drop = max(0.0, above + float(low[2]))
-    return LookBox((low + high) / 2, (high - low) / 2, (red, green, blue), drop)
+    return LookBox((low + high) / 2, (high - low) / 2, geom_rgba(model, largest)[:3], drop)
 
 
-def _add(spec: mujoco.MjSpec, body: mujoco.MjsBody, name: str, part: LookPart) -> None:
-    """Add a part to a body as a mesh with a material."""
-    mesh = spec.add_mesh(name=name)
-    mesh.uservert = part.mesh.vertices.ravel()
-    mesh.userface = corners = part.mesh.faces.ravel().tolist()
-    mesh.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
-    material = spec.add_material(
-        name=name,
-        rgba=[*part.colour, 1.0 - part.see_through],
-        specular=0.5 * part.shine,
-        shininess=0.2 + 0.7 * part.shine,
+def _add_look(spec: mujoco.MjSpec, body: mujoco.MjsBody, look: str, fit: LookBox) -> None:
+    """Add the meshes of a look to a body.
+
+    `look` is its name, optionally followed by a space and the text on it or its content.
+
+    Raises:
+        InputError: unknown look; the message lists the valid ones.
+    """
+    kind, _, words = look.partition(" ")
+    looks, words = look_catalogue(), words.strip()
+    found = looks.body(kind)
+    if found is None or kind == looks.worldbody.name:
+        raise unknown_name("look", kind, [body.name for body in looks.worldbody.bodies])
+    # The longer side of the look is that of the box. Round looks keep the ratio of their sides.
+    turned = fit.half[1] > LONGER * fit.half[0]
+    x, y, z = fit.half[[1, 0, 2]] if turned else fit.half
+    quat = np.array([1.0, 0.0, 0.0, 1.0 if turned else 0.0])
+    if found.childclass == ROUND:
+        x = y = min(x, y)
+    shapes: list[mujoco.MjsGeom] = list(found.geoms)
+    for number, geom in enumerate(shapes):
+        name = f"{WORD}{body.name}:{number}"
+        material = _paint(spec, name, looks, geom.material, words, fit.colour)
+        scale, place = [x, y, z], fit.centre
+        if geom.meshname == FRAME:
+            scale, place = [x, y, fit.drop], fit.centre - [0, 0, z]
+        if material is not None and not (geom.meshname == FRAME and fit.drop < SHORTEST):
+            _copy_mesh(spec, name, looks, geom.meshname, scale)
+            _add_visual(body, name, name, material, place, quat)
+
+
+def _paint(
+    spec: mujoco.MjSpec,
+    name: str,
+    looks: Any,
+    material: str,
+    words: str,
+    colour: Array,
+) -> str | None:
+    """Copy a material of the looks; return its name, or None if the words leave nothing to paint."""
+    # A content is chosen by the words, and a sign without words is left out.
+    source = looks.material(f"{CONTENT}_{words}" if material == CONTENT else material)
+    texture = "" if source is None else source.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB]
+    if source is None or (texture.endswith("sign") and not words):
+        return None
+    rgba = np.array(source.rgba)
+    if material.startswith(OWN):
+        rgba[:3] *= colour
+    painted = spec.add_material(
+        name=name, rgba=rgba, specular=source.specular, shininess=source.shininess
     )
-    if part.print is not None:
-        # MuJoCo counts texture rows from the top, so flip v.
-        mesh.usertexcoord = np.column_stack([part.mesh.uv[:, 0], 1 - part.mesh.uv[:, 1]]).ravel()
-        mesh.userfacetexcoord = corners
-        add_texture(spec, material, part.print)
-    body.add_geom(
-        name=name,
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=name,
-        material=name,
-        group=SHOWN,
-        **SCENERY,
-    )
+    if texture in PRINTS:
+        red, green, blue = (round(255 * value) for value in colour.tolist())
+        add_texture(spec, painted, PRINTS[texture](words, (red, green, blue)))
+    elif texture:
+        add_texture(spec, painted, prints.picture(texture))
+    return name
 
 
 def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixels) -> None:
@@ -158,6 +194,36 @@ def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixel
     texture.height, texture.width, texture.nchannel = pixels.shape
     texture.data = np.ascontiguousarray(pixels).tobytes()
     material.textures[mujoco.mjtTextureRole.mjTEXROLE_RGB] = material.name
+
+
+def _copy_mesh(
+    spec: mujoco.MjSpec,
+    name: str,
+    source: Any,
+    mesh: str,
+    scale: Sequence[float] = (1.0, 1.0, 1.0),
+) -> None:
+    """Add a mesh of another model under a new name, enlarged by `scale` along each axis."""
+    copied, theirs = spec.add_mesh(name=name), source.mesh(mesh)
+    copied.file = str(Path(source.modelfiledir) / source.meshdir / theirs.file)
+    copied.scale = theirs.scale * scale
+    copied.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+
+
+def _add_visual(
+    body: mujoco.MjsBody, name: str, mesh: str, material: str, pos: Array, quat: Array
+) -> None:
+    """Add a mesh to a body as a visible shape without mass and collisions."""
+    body.add_geom(
+        name=name,
+        type=mujoco.mjtGeom.mjGEOM_MESH,
+        meshname=mesh,
+        material=material,
+        pos=pos,
+        quat=quat,
+        group=SHOWN,
+        **SCENERY,
+    )
 
 
 # Meshes of MuJoCo Menagerie for an arm in pictures, if they are installed.
@@ -222,28 +288,16 @@ def _add_mesh(
     spec: mujoco.MjSpec, body: mujoco.MjsBody, source: mujoco.MjSpec, geom: mujoco.MjsGeom
 ) -> None:
     """Add a mesh of the source to a body, in its own colour."""
-    mesh, material = source.mesh(geom.meshname), source.material(geom.material)
-    assert mesh is not None
     # Several geoms share a mesh and a material: add each once.
     name = f"{MARK}{source.modelname}:{geom.meshname}"
     if spec.mesh(name) is None:
-        copied = spec.add_mesh(name=name)
-        copied.file = str(Path(source.modelfiledir) / source.meshdir / mesh.file)
-        copied.scale = mesh.scale
-        copied.inertia = mujoco.mjtMeshInertia.mjMESH_INERTIA_SHELL
+        _copy_mesh(spec, name, source, geom.meshname)
+    material = source.material(geom.material)
     rgba = geom.rgba if material is None else material.rgba
     paint = MARK + ",".join(f"{part:.3f}" for part in rgba)
     if spec.material(paint) is None:
         spec.add_material(name=paint, rgba=rgba, specular=0.35, shininess=0.5)
-    body.add_geom(
-        type=mujoco.mjtGeom.mjGEOM_MESH,
-        meshname=name,
-        pos=geom.pos,
-        quat=geom.quat,
-        material=paint,
-        group=SHOWN,
-        **SCENERY,
-    )
+    _add_visual(body, "", name, paint, geom.pos, geom.quat)
 
 
 @cache

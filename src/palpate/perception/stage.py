@@ -2,15 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
-from typing import TYPE_CHECKING
+import re
+from collections.abc import Collection, Sequence
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.perception.dress import TABLE, Looks, add_texture, dress, looks_in, shape_arm
-from palpate.perception.prints import concrete
+from palpate.perception.dress import (
+    TABLE,
+    Looks,
+    add_texture,
+    dress,
+    looks_in,
+    shape_arm,
+)
+from palpate.perception.prints import ASSETS, picture
 from palpate.perception.renderer import AMBIENT as LEAST
 from palpate.perception.renderer import (
     SCENERY,
@@ -31,27 +39,15 @@ UNSEEN = 5
 ROOM, LAB = "world", "lab"
 """Name of the body whose look is the room, and that look."""
 FLOOR = "palpate_floor"
-WALL_TINT, FLOOR_TINT = (0.86, 0.88, 0.89, 1.0), (0.74, 0.76, 0.78, 1.0)
+FLOOR_TINT = (0.74, 0.76, 0.77, 1.0)
 BEHIND, BESIDE, BEYOND = -1.15, 1.75, 0.5
 """m. Positions of the walls behind the arm and to its left, and their minimum distance from
 objects.
 """
-HEIGHT, LENGTH = 3.0, 9.0
-"""m. Height and length of the walls."""
-PANEL, GAP = 1.1, 0.012
-"""m. Width of wall panels, and of the joint between two."""
 DOWN = 0.75
 """m. Height of a table above the floor in a scene without a floor."""
 AMBIENT, HEADLIGHT = 0.36, 0.14
 """Shares of ambient light and of the headlight."""
-LAMPS = (
-    ((0.50, -1.35, 2.35), 0.22),
-    ((0.59, -1.27, 2.38), 0.22),
-    ((0.44, -1.25, 2.32), 0.22),
-)
-"""m and brightness. Positions relative to the centre of the objects. Three adjacent lamps together
-cast a shadow with a soft edge.
-"""
 INNER = 0.35
 """Share of the lamp's cone that casts shadows. It contains the arm and its workspace, which then
 use more of the shadow map.
@@ -64,8 +60,6 @@ FURNITURE, NEARBY = 0.5, 0.4
 """m. Maximum extent of fixed bodies that are fully in view, and their maximum distance from the
 loose objects.
 """
-WINDOW = ((0.4, 2.4, 1.6), (0.2, -0.9, -0.75), 0.20)
-"""Window on the opposite side: position, direction, brightness. It casts no shadow."""
 
 
 def build_stage(
@@ -84,6 +78,7 @@ def build_stage(
         InputError: unknown look.
     """
     drawn = spec.copy()
+    _strip_paths(drawn)
     worn = looks_in(spec) if looks is None else looks
     things = loose_things(spec)
     dress(drawn, worn)
@@ -122,6 +117,14 @@ def build_stage(
     # Sites mark places and are hidden.
     model.site_group[:] = UNSEEN
     return model
+
+
+def _strip_paths(spec: Any) -> None:
+    """Apply `strippath` to the file names of `spec` and clear it: files of looks have whole paths."""
+    if spec.strippath:
+        for asset in (*spec.meshes, *spec.textures, *spec.hfields, *spec.skins):
+            asset.file = re.split(r"[/\\]", asset.file)[-1]
+        spec.strippath = False
 
 
 def _expose(spec: mujoco.MjSpec) -> None:
@@ -222,7 +225,9 @@ def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
     """
     low, high = things.min(axis=0), things.max(axis=0)
     floor = _floor(spec, float(low[2]))
-    _walls(spec, floor, min(BEHIND, low[0] - BEYOND), max(BESIDE, high[1] + BEYOND))
+    # A wall behind the arm and one to its left.
+    _attach(spec, "wall", "behind_", [min(BEHIND, low[0] - BEYOND), 0, floor])
+    _attach(spec, "wall", "left_", [0, max(BESIDE, high[1] + BEYOND), floor], -np.pi / 2)
     lights: list[mujoco.MjsLight] = list(spec.lights)
     for light in lights:
         spec.delete(light)
@@ -230,34 +235,18 @@ def _furnish(spec: mujoco.MjSpec, things: Array, soft: bool) -> None:
     spec.visual.map.shadowscale = INNER
     head = spec.visual.headlight
     head.ambient[:], head.diffuse[:], head.specular[:] = AMBIENT, HEADLIGHT, 0.0
-    # Lamps above the objects, directed at their centre.
-    target = np.array([*((low + high) / 2)[:2], low[2]])
-    # A hard shadow comes from a single lamp of the same total brightness.
-    lamps = LAMPS if soft else ((LAMPS[0][0], sum(bright for _, bright in LAMPS)),)
-    for number, (place, bright) in enumerate(lamps):
-        spec.worldbody.add_light(
-            name=f"palpate_lamp_{number}",
-            pos=target + place,
-            dir=-np.array(place),
-            diffuse=[bright, 0.985 * bright, 0.95 * bright],
-            specular=[bright / 2] * 3,
-            ambient=[0, 0, 0],
-            cutoff=70,
-            exponent=1,
-            castshadow=True,
-        )
-    # Directional light of the window, without a shadow.
-    place, way, bright = WINDOW
-    spec.worldbody.add_light(
-        name="palpate_window",
-        type=mujoco.mjtLightType.mjLIGHT_DIRECTIONAL,
-        pos=place,
-        dir=way,
-        diffuse=[0.92 * bright, 0.97 * bright, bright],
-        specular=[0, 0, 0],
-        ambient=[0, 0, 0],
-        castshadow=False,
-    )
+    # Lamps above the objects, directed at their centre, and a window.
+    target = [*((low + high) / 2)[:2], low[2]]
+    _attach(spec, "soft_light" if soft else "hard_light", "light_", target)
+
+
+def _attach(
+    spec: mujoco.MjSpec, name: str, prefix: str, pos: Sequence[float], turn: float = 0.0
+) -> None:
+    """Attach a model of the assets to the world at `pos` (3,), m, turned by `turn` about z, rad."""
+    part = mujoco.MjSpec.from_file(str(ASSETS / f"{name}.xml"))
+    frame = spec.worldbody.add_frame(pos=pos, quat=[np.cos(turn / 2), 0, 0, np.sin(turn / 2)])
+    spec.attach(part, frame=frame, prefix=f"palpate_{prefix}")
 
 
 def _floor(spec: mujoco.MjSpec, table: float) -> float:
@@ -267,7 +256,7 @@ def _floor(spec: mujoco.MjSpec, table: float) -> float:
     )
     # Uniform texture scale in metres, independent of the size of the plane.
     material.texuniform = True
-    add_texture(spec, material, concrete())
+    add_texture(spec, material, picture("concrete"))
     planes = _planes(spec)
     for plane in planes:
         plane.material = FLOOR
@@ -284,24 +273,6 @@ def _floor(spec: mujoco.MjSpec, table: float) -> float:
         conaffinity=0,
     )
     return table - DOWN
-
-
-def _walls(spec: mujoco.MjSpec, floor: float, behind: float, beside: float) -> None:
-    """Build panelled walls at x = `behind` and y = `beside`, m."""
-    wall, skirting = "palpate_wall", "palpate_skirting"
-    spec.add_material(name=wall, rgba=WALL_TINT, specular=0.05, shininess=0.1)
-    spec.add_material(name=skirting, rgba=[0.45, 0.47, 0.50, 1], specular=0.1)
-    # Panels of both walls, with a skirting board at the foot.
-    half, middle, foot = (PANEL - GAP) / 2, floor + HEIGHT / 2, floor + 0.05
-    for number in range(-4, 5):
-        place = number * PANEL
-        add_box(spec, wall, [behind, place, middle], [0.02, half, HEIGHT / 2])
-        add_box(spec, wall, [place, beside, middle], [half, 0.02, HEIGHT / 2])
-    add_box(spec, skirting, [behind, 0, foot], [0.032, LENGTH / 2, 0.05])
-    add_box(spec, skirting, [0, beside, foot], [LENGTH / 2, 0.032, 0.05])
-    # Dark sheets behind the panels show in the joints.
-    add_box(spec, skirting, [behind - 0.03, 0, middle], [0.02, LENGTH / 2, HEIGHT / 2])
-    add_box(spec, skirting, [0, beside + 0.03, middle], [LENGTH / 2, 0.02, HEIGHT / 2])
 
 
 def add_box(spec: mujoco.MjSpec, material: str, pos: list[float], size: list[float]) -> None:
