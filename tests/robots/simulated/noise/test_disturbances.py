@@ -34,28 +34,11 @@ def test_friction_opposes_motion_and_turns_round_within_the_presliding_distance(
     assert held == pytest.approx(np.tile(back[-1], (400, 1))), "it stays where motion stopped"
 
 
-@pytest.mark.parametrize("law", ["lugre", "maxwell_slip"])
-def test_other_laws_slide_at_the_same_level(law: str) -> None:
-    found = friction(law=law, coulomb=0.1, presliding=2e-3)
-    forth, back = felt(found, 0.1), felt(found, -0.1)
-    assert forth[-1] == pytest.approx(np.full(7, 0.1), rel=1e-6)
-    assert back[-1] == pytest.approx(np.full(7, -0.1), rel=1e-6)
-    assert felt(found, 0.0)[-1] == pytest.approx(back[-1]), "it stays where motion stopped"
-
-
-@pytest.mark.parametrize(("law", "kept"), [("dahl", 0.523), ("maxwell_slip", 1.0)])
-def test_a_small_cycle_closes_only_where_elements_remember(law: str, kept: float) -> None:
-    found = friction(law=law, coulomb=0.1, presliding=2e-3)
+def test_a_small_cycle_does_not_close() -> None:
+    found = friction(coulomb=0.1, presliding=2e-3)
     felt(found, 0.1)
     felt(found, -0.02, count=10)
-    assert felt(found, 0.02, count=10)[-1] == pytest.approx(np.full(7, 0.1 * kept), rel=0.01)
-
-
-def test_lugre_resists_quick_changes() -> None:
-    lugre, dahl = (friction(law=it, coulomb=0.1, presliding=2e-3) for it in ("lugre", "dahl"))
-    felt(lugre, 0.01), felt(dahl, 0.01)
-    resisting = felt(lugre, -0.01, count=1) - felt(dahl, -0.01, count=1)
-    assert resisting[0] == pytest.approx(np.full(7, -0.005), rel=0.05)
+    assert felt(found, 0.02, count=10)[-1] == pytest.approx(np.full(7, 0.0523), rel=0.01)
 
 
 def test_breaking_away_takes_more_than_sliding() -> None:

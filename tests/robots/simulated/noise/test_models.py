@@ -55,7 +55,6 @@ torque:
   delay: 1e-3
   filter: 100
 friction:
-  law: maxwell_slip
   coulomb: [0.08, 0.08, 0.06, 0.06, 0.03, 0.03, 0.03]
   static: 1.1
   stribeck_speed: 0.01
@@ -263,7 +262,7 @@ def test_keys_replace_those_of_the_model_that_is_extended(tmp_path: Path) -> Non
         ("torque: {white: .inf}", ("torque.white", "finite")),
         ("torque: {flicker: {band: [50, 1]}}", ("torque.flicker.band", "below")),
         ("friction: {static: 0.9}", ("friction.static", "1")),
-        ("friction: {law: coulomb}", ("friction.law", "dahl", "lugre", "maxwell_slip")),
+        ("friction: {law: lugre}", ("friction", "law", "coulomb")),
         ("friction: {presliding: 0}", ("friction.presliding", "positive")),
         ("friction: {compensated: 1.1}", ("friction.compensated", "1")),
         ("model: {tip_offset: -1}", ("model.tip_offset", "negative")),
@@ -314,7 +313,7 @@ def numbers() -> st.SearchStrategy[float]:
     return st.floats(0.0, 10.0, allow_nan=False)
 
 
-NO_NUMBERS = {"palpate_noise", "name", "extends", "torque.flicker.band", "friction.law"}
+NO_NUMBERS = {"palpate_noise", "name", "extends", "torque.flicker.band"}
 PLACES = sorted(keys(NoiseModel) - NO_NUMBERS)
 AT_LEAST_ONE = {"friction.static"}
 POSITIVE = (

@@ -135,87 +135,15 @@ class Rests:
         self._place = self._pose.repeatability.draw(self._places)
 
 
-# Joint friction behind the torque sensor, in bearings, seals and cables: its level and its laws.
-
-
-YIELDS: Array = np.array([0.2, 0.6, 1.0, 2.5])[:, None]
-"""Distance over `presliding` at which each element of a Maxwell slip model starts to slide. The levels of the
-elements are equal.
-"""
-MICRO_DAMPING = 0.005  # s, ratio of damping to stiffness of LuGre's bristles
-
-
-class Dahl:
-    """Dahl's model: the torque approaches plus or minus its level exponentially with the distance moved.
-
-    d tau / d|q| = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
-    vibrations", AIAA Journal 14, 1976).
-    """
-
-    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
-        """Start at `torque` (7,) N m; `level` (7,) is the sliding level."""
-        self._presliding, self._period, self._torque = presliding, period, torque.copy()
-
-    def held(self, dq: Array, level: Array) -> Array:
-        """Compute the torques (n, 7), N m, at rates (n, 7) and levels (n, 7) or (7,)."""
-        return self._relax_state(np.exp(np.abs(dq) * (-self._period / self._presliding)), dq, level)
-
-    def _relax_state(self, keep: Array, dq: Array, level: Array) -> Array:
-        # Exact solution over each period: tau <- keep tau + (1 - keep) level sgn(dq).
-        pull, held = np.copysign(level * (1.0 - keep), dq), np.empty_like(dq)
-        for i in range(len(dq)):
-            self._torque *= keep[i]
-            self._torque += pull[i]
-            held[i] = self._torque
-        return held
-
-
-class LuGre(Dahl):
-    """LuGre's model: bristles of one stiffness with micro-damping (C. Canudas de Wit, H. Olsson,
-    K. Astrom, P. Lischinsky, "A new model for control of systems with friction", IEEE TAC 40, 1995).
-    """
-
-    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
-        super().__init__(presliding, period, torque, level)
-        self._stiffness = level / presliding  # N m/rad
-
-    def held(self, dq: Array, level: Array) -> Array:
-        # Bristles relax with the rate |dq| stiffness / level; their micro-damping adds to the torque.
-        level = np.broadcast_to(level, dq.shape)
-        rate = np.abs(dq) * self._stiffness  # N m/s
-        keep = np.exp(-self._period * rate / np.maximum(level, 1e-9))
-        before = self._torque.copy()
-        held = self._relax_state(keep, dq, level)
-        change = np.diff(held, axis=0, prepend=before[None]) / self._period
-        return held + MICRO_DAMPING * change
-
-
-class MaxwellSlip:
-    """Maxwell slip model: elastic elements in parallel, each with its own sliding level (F. Al-Bender, V.
-    Lampaert, J. Swevers, "The generalized Maxwell-slip model", IEEE TAC 50, 2005).
-    """
-
-    def __init__(self, presliding: Array, period: float, torque: Array, level: Array) -> None:
-        self._period, self._yields = period, YIELDS * presliding  # (elements, 7) rad
-        share = torque / np.where(level > 0, level, 1.0)
-        self._stretch = share * self._yields
-
-    def held(self, dq: Array, level: Array) -> Array:
-        """Compute the torques (n, 7), N m, as `Dahl.held`."""
-        # Each element stretches with the motion up to its limit; the torque is their mean share of the
-        # level.
-        share = np.empty_like(dq)
-        for i, step in enumerate(dq * self._period):
-            np.clip(self._stretch + step, -self._yields, self._yields, out=self._stretch)
-            share[i] = (self._stretch / self._yields).mean(0)
-        return level * share
-
-
-LAWS = {"dahl": Dahl, "lugre": LuGre, "maxwell_slip": MaxwellSlip}
+# Joint friction behind the torque sensor, in bearings, seals and cables.
 
 
 class JointFriction:
-    """Friction by one of `LAWS`, whose level may depend on speed (Stribeck), load and angle.
+    """Dahl friction, whose level may depend on speed (Stribeck), load and angle.
+
+    The torque approaches plus or minus its level exponentially with the distance moved:
+    d tau / d|q| = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
+    vibrations", AIAA Journal 14, 1976).
 
     Attributes:
         torque: (7,) N m now, in the direction of the last motion.
@@ -223,12 +151,11 @@ class JointFriction:
 
     def __init__(self, friction: FrictionNoise, period: float, streams: Streams) -> None:
         # The individual robot's level, phases and initial torque.
-        self._model = friction
+        self._model, self._period = friction, period
         spread = 1.0 + friction.spread.draw(streams("friction.spread"))
         self._level = friction.coulomb * np.maximum(spread, 0.0)
         self._phase = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
         self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
-        self._law = LAWS[friction.law](friction.presliding, period, self.torque, self._level)
         self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
         self._viscous = bool(friction.viscous.any())
         self.none = not (self._level.any() or self._viscous or friction.load.any())
@@ -236,13 +163,20 @@ class JointFriction:
     def add(self, torque: Array, motion: LoggedMotion) -> None:
         """Add the friction to the link-side torques (n, 7), N m."""
         dq, model = motion.dq, self._model
-        held = self._law.held(dq, self._levels(torque, motion) if self._varies else self._level)
-        self.torque = held[-1]
-        torque += held
+        torque += self._held(dq, self._levels(torque, motion) if self._varies else self._level)
         if self._viscous:
             torque += model.viscous * dq
         if model.compensated:
             torque -= model.compensated * model.coulomb * np.sign(dq)
+
+    def _held(self, dq: Array, level: Array) -> Array:
+        """Compute the torques (n, 7), N m, at rates (n, 7), rad/s, and levels (n, 7) or (7,)."""
+        # Exact solution over each period: tau <- keep tau + (1 - keep) level sgn(dq).
+        keep = np.exp(np.abs(dq) * (-self._period / self._model.presliding))
+        pull, held = np.copysign(level * (1.0 - keep), dq), np.empty_like(dq)
+        for i in range(len(dq)):
+            self.torque = np.add(keep[i] * self.torque, pull[i], out=held[i])
+        return held
 
     def _levels(self, torque: Array, motion: LoggedMotion) -> Array:
         """Compute the level (n, 7), N m, that the friction approaches.

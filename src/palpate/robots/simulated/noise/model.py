@@ -22,7 +22,6 @@ from palpate.robots.owner import Datasheet
 
 JOINTS = 7
 Law = Literal["normal", "uniform", "magnitude", "sign"]
-FrictionLaw = Literal["dahl", "lugre", "maxwell_slip"]
 Shape = tuple[int, ...]
 
 
@@ -279,9 +278,8 @@ class Torque(Section):
 
 
 class FrictionNoise(Section):
-    """Joint friction behind the torque sensor; N m, rad, rad/s."""
+    """Joint friction by Dahl's law behind the torque sensor; N m, rad, rad/s."""
 
-    law: FrictionLaw = "dahl"
     coulomb: Levels = NONE
     static: Factor = 1.0
     stribeck_speed: Positive = 0.01
