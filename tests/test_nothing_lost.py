@@ -198,8 +198,10 @@ pp.load(desk.DESK).plan("how heavy is the mug?").run(cell, out={out!r})
 
 @pytest.mark.parametrize(
     ("call", "times", "verdict"),
-    [("close_gripper", 1, "not identified"), ("open_gripper", 2, "identified")],
-    ids=["before it was weighed", "after"],
+    [
+        pytest.param("close_gripper", 1, "not identified", id="before it was weighed"),
+        pytest.param("open_gripper", 2, "identified", id="after", marks=pytest.mark.long),
+    ],
 )
 def test_a_process_that_is_killed_leaves_a_run_to_finish(
     tmp_path: Path, call: str, times: int, verdict: str

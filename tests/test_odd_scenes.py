@@ -5,11 +5,11 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pytest
+from long_cases import mark_long
 
 from palpate.common.parameter import Parameter
 from palpate.perception.renderer import gl_available
@@ -77,9 +77,12 @@ MEASURED = {
 }
 
 
-@pytest.mark.parametrize("case", MEASURED.values(), ids=MEASURED.keys())
-def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
-    scene = write(tmp_path, **case)
+LONG = ("on the moon", "with a keyframe", "on another object", "of two geoms")
+
+
+@pytest.mark.parametrize("name", mark_long(MEASURED, lambda name: name in LONG))
+def test_is_measured(name: str, tmp_path: Path) -> None:
+    scene = write(tmp_path, **MEASURED[name])
     run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
     (estimate,) = run.estimates
@@ -87,7 +90,7 @@ def test_is_measured(case: Mapping[str, Any], tmp_path: Path) -> None:
     assert estimate.value == pytest.approx(estimate.truth, rel=0.02)
 
 
-@pytest.mark.parametrize("at", ["0.5 0.1 0.25", "0.5 0.1 ?"])
+@pytest.mark.parametrize("at", [pytest.param("0.5 0.1 0.25", marks=pytest.mark.long), "0.5 0.1 ?"])
 def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path) -> None:
     table = '<body name="table" pos="0.5 0 ?"><geom type="box" size=".4 .6 .02"/></body>'
     scene = write(tmp_path, (table, cup(at)))

@@ -74,6 +74,7 @@ def test_the_commands_before_anything_moves_print_what_the_page_says() -> None:
     assert "red_box" not in planned.replace("red_box_pose", "")
 
 
+@pytest.mark.long
 def test_the_mug_is_measured_and_its_twin_is_read() -> None:
     """The values of the table are the page's own; its `truth` is drawn by the seed, to the digit."""
     printed = follow("run")

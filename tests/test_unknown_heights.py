@@ -6,6 +6,8 @@ import pytest
 
 import palpate as pp
 
+pytestmark = pytest.mark.long
+
 TOP, MASS = 0.12, 0.34
 
 ONE = """<mujoco><worldbody><site name="robot_base"/>

@@ -35,6 +35,7 @@ def files(bodies: str, hidden: str = "") -> None:
 ARM = ("--scene", "scene.xml", "--world", "world.xml", "--noise", "noise.yaml", "--seed", "3")
 
 
+@pytest.mark.long
 def test_a_known_weight_makes_masses_right(palpate: Call) -> None:
     files(cube(mass='mass="0.5"'))
     Path("robot.yaml").write_text("speed: 0.9\ngravity: {value: 9.81}\n", encoding="utf-8")
@@ -67,6 +68,7 @@ def test_a_known_weight_makes_masses_right(palpate: Call) -> None:
     assert abs(found["value"] - 1.0) < 3 * found["std"]
 
 
+@pytest.mark.long
 def test_known_heights_tell_where_the_fingertips_end(palpate: Call) -> None:
     bodies = "".join(GAUGE.format(name=f"g{i}", x=x, y=y) for i, (x, y) in enumerate(SPOTS))
     files(bodies)

@@ -31,6 +31,7 @@ def test_removed_option_is_an_error() -> None:
     assert "No such option: --groot" in done.stderr
 
 
+@pytest.mark.long
 @needs_chromium
 def test_the_stop_button_stops_the_arm(tmp_path: Path) -> None:
     """As Ctrl-C does: what is held is put down, what was measured is kept."""

@@ -40,6 +40,7 @@ def seen(*names: str, unseen: tuple[str, ...] = ()) -> Seen:
     return Seen(poses, {name: 1e-6 * np.eye(6) for name in names}, unseen, said, 0.1, drawn)
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
 def test_a_box_15_mm_off_its_place_is_seen_and_weighed(
     palpate: Palpate, tmp_path: Path, monkeypatch: pytest.MonkeyPatch

@@ -57,6 +57,7 @@ def bottle(*more: object) -> tuple[object, ...]:
     return ("-r", BOTTLE.request, "--scene", BOTTLE.folder / "scene.xml", *more)
 
 
+@pytest.mark.long
 def test_bottle_and_table_end_to_end_over_http(
     palpate: Palpate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -96,6 +97,7 @@ def test_bottle_and_table_end_to_end_over_http(
     assert KEY.encode() not in everything
 
 
+@pytest.mark.long
 def test_a_conversation_is_replayed_without_network(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(half(PAPER)), Says(PAPER)) as server:
         palpate(
@@ -157,6 +159,7 @@ def test_a_budget_ends_the_dialogue(palpate: Palpate) -> None:
     assert "budget of 5000 tokens" in " ".join(answer.out.split())
 
 
+@pytest.mark.long
 def test_a_plan_by_a_model_is_written_with_its_figures(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(PAPER)) as server:
         answer = palpate(
@@ -169,6 +172,7 @@ def test_a_plan_by_a_model_is_written_with_its_figures(palpate: Palpate, tmp_pat
     assert json.loads((tmp_path / "plan.json").read_text())["model"]["rounds"] == 1
 
 
+@pytest.mark.long
 def test_a_lean_prompt_and_a_critic_are_asked_for_on_the_command_line(
     palpate: Palpate, tmp_path: Path
 ) -> None:
@@ -201,6 +205,7 @@ def test_how_a_model_was_asked_is_kept_and_read_back() -> None:
     assert settings_from(kept).model_settings == asked
 
 
+@pytest.mark.long
 def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
     palpate: Palpate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
@@ -275,6 +280,7 @@ def test_prompt_without_a_scene_names_the_poses_there_are(palpate: Palpate, tmp_
     assert "X_temporary" in out
 
 
+@pytest.mark.long
 def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_path: Path) -> None:
     (tmp_path / "answer.txt").write_text(
         f"Of course! Here is the plan:\n```json\n{PAPER}\n```\nGood luck."
@@ -294,7 +300,11 @@ def test_the_answer_of_any_chat_is_checked_and_executed(palpate: Palpate, tmp_pa
 @pytest.mark.usefixtures("driver")
 @pytest.mark.parametrize(
     ("said", "status", "words"),
-    [("n\n", 4, "not confirmed"), ("", 4, "not confirmed"), ("y\n", 5, "hung up")],
+    [
+        ("n\n", 4, "not confirmed"),
+        pytest.param("", 4, "not confirmed", marks=pytest.mark.long),
+        pytest.param("y\n", 5, "hung up", marks=pytest.mark.long),
+    ],
 )
 def test_a_real_robot_moves_only_when_confirmed(
     palpate: Palpate,
@@ -330,6 +340,7 @@ def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) ->
     assert "move?" not in answer.err
 
 
+@pytest.mark.long
 def test_the_papers_tables_are_made_and_gone_on_with(palpate: Palpate, tmp_path: Path) -> None:
     with Loopback(Says(PAPER)) as server:
         options = ("bottle_and_table", *model_settings(server), "--noise", "none")
@@ -375,6 +386,7 @@ def test_the_papers_tables_are_made_and_gone_on_with(palpate: Palpate, tmp_path:
     assert len((tmp_path / "r.jsonl").read_text().splitlines()) == 2
 
 
+@pytest.mark.long
 def test_a_value_that_is_not_believed_is_measured_again(palpate: Palpate, tmp_path: Path) -> None:
     (tmp_path / "desk.xml").write_text(SCENE)
     again = json.loads(weighed(*weighing("brick"), parameters=("brick.mass",)))

@@ -117,7 +117,13 @@ def test_before_anything_moves(
     assert not list(desk.glob(".run*"))
 
 
-@pytest.mark.parametrize("others", [(), (signal.SIGINT,)], ids=["one", "two"])
+@pytest.mark.parametrize(
+    "others",
+    [
+        pytest.param((), id="one"),
+        pytest.param((signal.SIGINT,), id="two", marks=pytest.mark.long),
+    ],
+)
 def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> None:
     """One puts down what is held, two hold it. The latest is told: of two that wait together, Python
     takes SIGINT first."""
@@ -134,6 +140,7 @@ def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> 
     assert found["parameters"] == [] or found["parameters"][0]["verdict"] == "not identified"
 
 
+@pytest.mark.long
 def test_while_the_twin_is_built(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("SLOW_TWIN", "1")
     process, out, err = interrupted(desk, "building the twin", signal.SIGHUP)

@@ -46,6 +46,7 @@ def stored(folders: list[Path]) -> Path:
     return folders[0]
 
 
+@pytest.mark.long
 def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
     answer = palpate("estimate", stored, "--json")
     assert answer.status == 0
@@ -59,6 +60,7 @@ def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
     assert json.loads(other.out)["parameters"][0]["method"].startswith("Mean vertical force")
 
 
+@pytest.mark.long
 def test_what_a_run_in_a_hurry_left_out_is_made_later(
     palpate: Palpate, stored: Path, tmp_path: Path
 ) -> None:
@@ -110,6 +112,7 @@ def test_a_twin_is_exported(palpate: Palpate, stored: Path, tmp_path: Path) -> N
     assert (stored / "export-mjcf" / "scene.xml").read_text() == (stored / "twin.xml").read_text()
 
 
+@pytest.mark.long
 def test_a_twin_is_proved_and_the_report_shows_it(
     palpate: Palpate, stored: Path, tmp_path: Path
 ) -> None:

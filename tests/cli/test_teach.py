@@ -80,6 +80,7 @@ def test_doctor_of_nobody(desk: Path) -> None:
     assert "activate FCI in Desk" in said
 
 
+@pytest.mark.long
 def test_an_arm_is_examined_and_its_hand_shows_where_things_are(desk: Path, tmp_path: Path) -> None:
     """A served arm at home, whose hand is above neither thing."""
     pytest.importorskip("franky", reason="franky-control has no wheel for this machine")

@@ -76,6 +76,7 @@ def test_joints_that_do_not_explain_the_wrench_are_not_believed(lifted, chain):
     assert observed.maps(trace.samples.q[:2]).shape == (2, 6, 6)
 
 
+@pytest.mark.long
 def test_a_load_is_weighed_by_joints(lifted):
     found = [estimate_mass(lifted(seed), BOTTLE, None) for seed in range(20)]
     errors = np.array([(one.values[0] - MASS) / one.stds[0] for one in found])
@@ -84,6 +85,7 @@ def test_a_load_is_weighed_by_joints(lifted):
     assert max(one.stds[0] for one in found) < 0.015 * MASS
 
 
+@pytest.mark.long
 def test_gains_are_carried_through_the_jacobian(lifted):
     rng = np.random.default_rng(3)
     scores, stated = [], []

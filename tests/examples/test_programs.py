@@ -10,9 +10,11 @@ import sys
 from pathlib import Path
 
 import pytest
+from long_cases import mark_long
 
 EXAMPLES = Path(__file__).parents[2] / "examples"
 PROGRAMS = sorted(EXAMPLES.glob("[0-9]*.py"))
+SHORT = ("03", "04", "05", "06")
 LONGEST = 30
 """Lines of code, without the docstring and blank lines."""
 PRINTED = {
@@ -63,7 +65,10 @@ PRINTED = {
 }
 
 
-@pytest.mark.parametrize("program", PROGRAMS, ids=lambda program: program.stem)
+@pytest.mark.parametrize(
+    "program",
+    mark_long(PROGRAMS, lambda file: file.stem[:2] not in SHORT, name=lambda file: file.stem),
+)
 def test_a_program_runs_and_prints_what_it_promises(program: Path, tmp_path: Path) -> None:
     done = subprocess.run(
         [sys.executable, str(program)],

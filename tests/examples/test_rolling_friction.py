@@ -11,6 +11,8 @@ from pathlib import Path
 
 import pytest
 
+pytestmark = pytest.mark.long
+
 PACKAGE = Path(__file__).parents[1] / "estimation" / "quantities" / "rolling"
 RUN = ("--scene", "desk.xml", "--noise", "none", "--out", "run", "--fast")
 SCENE = """<mujoco model="desk"><worldbody>

@@ -78,6 +78,7 @@ def test_the_prompt_offers_the_primitive_and_its_quantity(palpate: Palpate) -> N
     assert "- temperature °C, of an object: hold the thermometer over the object" in system
 
 
+@pytest.mark.long
 def test_the_schema_and_the_bt_cpp_model_have_the_primitive(palpate: Palpate) -> None:
     assert "MeasureTemperature" in json.dumps(json.loads(palpate("vocabulary", "--json").stdout))
     assert '<Action ID="MeasureTemperature">' in palpate("vocabulary", "--btcpp").stdout
@@ -106,6 +107,7 @@ def test_the_check_holds_the_primitive_to_its_own_preconditions(
     assert any("the thermometer is not in the gripper" in finding["message"] for finding in found)
 
 
+@pytest.mark.long
 def test_the_request_is_measured_and_reported(palpate: Palpate, tmp_path: Path) -> None:
     done = palpate("run", *R, *D, *W, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -125,6 +127,7 @@ def test_the_request_is_measured_and_reported(palpate: Palpate, tmp_path: Path) 
     assert "°C" in report
 
 
+@pytest.mark.long
 def test_a_thermometer_that_cannot_be_read_ends_in_a_controlled_stop_with_the_reason(
     installed: dict[str, str], tmp_path: Path
 ) -> None:

@@ -101,6 +101,7 @@ def test_skip_leaves_the_slippery_one_alone_and_weighs_the_other(scene: Scene) -
     assert "slip" in done.setbacks[0]
 
 
+@pytest.mark.long
 def test_replanning_leaves_a_lost_object_alone_and_weighs_the_others(scene: Scene) -> None:
     done = execute(scene, planned(scene, *BOTH), "replan")
     assert done.status == "complete"
@@ -122,6 +123,7 @@ def test_a_further_plan_that_fails_its_check_is_none(
     assert replan(BOTH, scene, "symbolic") is None
 
 
+@pytest.mark.long
 def test_replanning_is_bounded(scene: Scene) -> None:
     """Three times at most for an object that was not lost."""
     words = Vocabulary(
@@ -238,6 +240,7 @@ def test_implausible_signals_cannot_be_confirmed_by_a_person(
     assert done is first
 
 
+@pytest.mark.long
 def test_replanning_gets_over_bad_luck(scene: Scene) -> None:
     plan = planned(scene, Parameter("dry", "mass"))
     assert plan.tree is not None
@@ -291,6 +294,7 @@ def test_rearranged_scene_moves_the_object_and_its_grasp(scene: Scene) -> None:
     assert moved.text == scene.text
 
 
+@pytest.mark.long
 def test_rehearsal_predicts_without_the_world(scene: Scene) -> None:
     predicted = rehearse(planned(scene, *BOTH), scene)
     assert predicted.failure is None

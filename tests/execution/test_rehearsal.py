@@ -248,7 +248,11 @@ def test_a_plan_is_rehearsed_once_in_a_scene() -> None:
 
 @pytest.mark.parametrize(
     ("planner", "rehearsed"),
-    [("symbolic", False), ("replay:plan.json", True), ("openai:gpt", True)],
+    [
+        ("symbolic", False),
+        ("replay:plan.json", True),
+        pytest.param("openai:gpt", True, marks=pytest.mark.long),
+    ],
 )
 def test_plans_of_models_and_files_are_rehearsed_by_default(planner: str, rehearsed: bool) -> None:
     cell = scene(PLANK)

@@ -53,6 +53,7 @@ def narrowed(tmp_path_factory) -> Run:
     )
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(
     ("name", "half", "truth"), [("cup.mass", 0.0035, 0.3), ("table.height", 0.00013, 0.0)]
 )
@@ -64,11 +65,13 @@ def test_a_value_is_measured_until_it_is_as_narrow_as_asked(narrowed, name, half
     assert "was asked: " in narrowed[name].method
 
 
+@pytest.mark.long
 def test_repeated_run_is_complete(narrowed) -> None:
     assert narrowed.status == "complete"
     assert narrowed.execution.setbacks == ()
 
 
+@pytest.mark.long
 def test_round_of_repetition_goes_from_home_and_back(narrowed) -> None:
     """However often it touches in it."""
     rounds = {leaf.node.partition("tree")[0] for leaf in narrowed.trace.leaves}
@@ -77,6 +80,7 @@ def test_round_of_repetition_goes_from_home_and_back(narrowed) -> None:
     assert len(homes) <= 2 * len(rounds)
 
 
+@pytest.mark.long
 def test_result_states_the_asked_width_and_the_outcome(narrowed) -> None:
     rows = json.loads((narrowed.folder / "result.json").read_text())["parameters"]
     told = {row["quantity"]: row["within"] for row in rows}
@@ -163,7 +167,14 @@ def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
     assert mass.value == weighed.mass(weighed.execution).value
 
 
-@pytest.mark.parametrize(("seconds", "rounds"), [(20.0, 5), (60.0, 2), (120.0, 1)])
+@pytest.mark.parametrize(
+    ("seconds", "rounds"),
+    [
+        pytest.param(20.0, 5, marks=pytest.mark.long),
+        pytest.param(60.0, 2, marks=pytest.mark.long),
+        (120.0, 1),
+    ],
+)
 def test_rounds_end_however_much_more_would_narrow_it(
     weighed, monkeypatch, seconds, rounds
 ) -> None:

@@ -50,6 +50,7 @@ def test_a_plan_is_executed_and_estimated_on_an_arm_that_is_not_simulated() -> N
     assert bench.arm.calls[-1] == ("close", None)
 
 
+@pytest.mark.long
 @pytest.mark.usefixtures("registered")
 def test_a_url_is_enough_for_a_run_with_its_report(tmp_path: Path) -> None:
     run = pp.run(
@@ -67,6 +68,7 @@ def test_a_url_is_enough_for_a_run_with_its_report(tmp_path: Path) -> None:
     assert repr(pp.open(tmp_path / "run")) == repr(run)
 
 
+@pytest.mark.long
 def test_a_real_cell_is_asked_about_and_moves_only_when_allowed() -> None:
     plan = pp.load(DESK).plan("how heavy is the mug?")
     bench = Bench()
@@ -75,6 +77,7 @@ def test_a_real_cell_is_asked_about_and_moves_only_when_allowed() -> None:
     assert bench.arm.calls == []
 
 
+@pytest.mark.long
 def test_a_plan_for_a_real_cell_is_always_rehearsed() -> None:
     told: list[str] = []
     pp.load(DESK).plan("how heavy is the mug?").run(Bench(), progress=told.append, fast=True)
@@ -84,6 +87,7 @@ def test_a_plan_for_a_real_cell_is_always_rehearsed() -> None:
         pp.load(DESK).plan("how heavy is the mug?").run(Bench(), rehearse=False)
 
 
+@pytest.mark.long
 def test_measured_forces_are_in_the_trace() -> None:
     run = pp.load(DESK).plan("how heavy is the mug?").run(Bench(), fast=True)
     assert np.isclose(run.trace.wrench[:, 2].max(), MASS * 9.81)

@@ -10,6 +10,8 @@ from palpate.runs.run import Run
 from palpate.studies.judgement import objection
 from palpate.studies.scenarios.catalogue import scenario
 
+pytestmark = pytest.mark.long
+
 FIGURES = {"bottle_and_table": 17, "one_missing_mass": 12, "friction": 15, "hammer": 28}
 """Scenario, and how many actions its tree has."""
 

@@ -71,6 +71,7 @@ def test_a_handle_that_is_too_wide_is_refused(drawer):
     assert "cannot be grasped" in plan.explanation
 
 
+@pytest.mark.long
 def test_a_drawer_is_measured_and_left_where_it_was():
     run = pp.run(DRAWER, "damping and friction of the drawer", noise="none", seed=1)
     assert run.status == "complete"
@@ -90,6 +91,7 @@ def test_a_way_ends_short_of_a_limit_that_was_met(drawer):
     assert way.short_of(met).length == pytest.approx(0.04)
 
 
+@pytest.mark.long
 def test_a_limit_that_nobody_stated_is_met_slowly_and_said(tmp_path):
     """At 20 mm no pass is left: the handle is let go of where it was found."""
     given = scenario("drawer").settings()

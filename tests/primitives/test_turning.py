@@ -171,6 +171,7 @@ def measured(folder: Path, bar: str, world: str, asked: str, noise: str, seed: i
     return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
 
 
+@pytest.mark.long
 def test_the_inertia_of_a_bar_is_swung_out_of_it(tmp_path):
     """From the words to the value: the two large axes within their intervals, and some per cent."""
     (found,) = measured(
@@ -207,6 +208,7 @@ def test_a_height_of_a_centre_of_mass_is_asked_for_in_words(scene, request_):
     assert asked == Parameter("bar", "com_3d")
 
 
+@pytest.mark.long
 def test_a_turn_about_the_vertical_tells_of_a_centre_of_mass(tmp_path):
     run = measured(
         tmp_path,
@@ -224,6 +226,7 @@ def test_a_turn_about_the_vertical_tells_of_a_centre_of_mass(tmp_path):
     assert "at 3 grasps, and along a turn about the vertical, each" in found.method
 
 
+@pytest.mark.long
 def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     """From the words to the twin: its height, which top-down grasps do not show."""
     run = measured(

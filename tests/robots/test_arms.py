@@ -57,6 +57,7 @@ def judge(made: Run) -> None:
             assert within(estimate, truth), (estimate, truth)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("name", ["bottle_and_table", "friction"])
 def test_a_second_arm_measures_the_same(name: str) -> None:
     made = measured(name, "iiwa14")

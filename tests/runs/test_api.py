@@ -260,6 +260,7 @@ def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
     assert told[:2] == ["executing on the simulated robot", "estimating"]
 
 
+@pytest.mark.long
 def test_the_same_seed_gives_the_same_run() -> None:
     plan = pp.load(DESK).plan(REQUEST)
     first, second = plan.run(seed=3, fast=True), plan.run(seed=3, fast=True)
@@ -485,6 +486,7 @@ def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
     assert again.trace_if_any is again.finished is again.execution is None
 
 
+@pytest.mark.long
 def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: Path) -> None:
     file = tmp_path / "desk.xml"
     file.write_text(DESK, encoding="utf-8")

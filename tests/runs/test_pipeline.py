@@ -93,6 +93,7 @@ def test_trace_can_be_read_again(folder: Path) -> None:
     assert {c.quantity for c in trace.conversions} == {"mass", "height"}
 
 
+@pytest.mark.long
 def test_same_seed_same_result_bit_for_bit() -> None:
     settings = scenario("bottle_and_table").settings(noise="datasheet")
     first, second, other = run_seed(settings, 3), run_seed(settings, 3), run_seed(settings, 4)
@@ -100,6 +101,7 @@ def test_same_seed_same_result_bit_for_bit() -> None:
     assert first.estimates[1].value != other.estimates[1].value
 
 
+@pytest.mark.long
 def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> None:
     out = tmp_path / "again"
     settings = scenario("bottle_and_table").settings(

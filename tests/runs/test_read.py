@@ -4,8 +4,12 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import pytest
+
 from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario
+
+pytestmark = pytest.mark.long
 
 
 def test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told(tmp_path: Path) -> None:

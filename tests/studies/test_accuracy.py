@@ -39,6 +39,7 @@ def settings(tmp_path: Path) -> Settings:
     return Settings(scene=tmp_path / "scene.xml", world=tmp_path / "world.xml")
 
 
+@pytest.mark.long
 def test_seeds_are_independent_runs_of_one_world(settings: Settings) -> None:
     runs = accuracy(settings, [1, 2])
     assert [(run.seed, run.status) for run in runs] == [(1, "complete"), (2, "complete")]

@@ -19,6 +19,8 @@ from palpate.runs.settings import Settings
 from palpate.studies.accuracy import Question, SeedRun, StudyCase, accuracy, run_case, run_seed
 from palpate.studies.workers import Lost, Processes, RayCrew, crew
 
+pytestmark = pytest.mark.long
+
 NODES = ("127.0.0.2", "127.0.0.3")
 """Two places of this machine that nobody else reaches. Ray takes 127.0.0.1 for another one."""
 MEMORY = 80_000_000

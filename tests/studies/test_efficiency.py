@@ -36,6 +36,7 @@ def test_time_saved_is_a_fraction_of_the_exhaustive_runs() -> None:
     assert PlannerComparison("nothing to do", rejected, rejected).time_saved is None
 
 
+@pytest.mark.long
 def test_one_missing_mass_takes_less_than_everything() -> None:
     (row,) = efficiency(["one_missing_mass"], noise="none")
     assert row.exhaustive.status == row.intent.status == "complete"

@@ -149,7 +149,7 @@ def test_a_trace_from_before_joints_were_named_is_an_fr3s() -> None:
 
 
 @pytest.mark.parametrize("profile", ["ros2", PROFILE])
-@pytest.mark.parametrize("chunks", [1, 40])
+@pytest.mark.parametrize("chunks", [1, pytest.param(40, marks=pytest.mark.long)])
 def test_a_file_that_unpacks_to_much_is_refused_in_little_memory(
     profile: str, chunks: int, tmp_path: Path
 ) -> None:

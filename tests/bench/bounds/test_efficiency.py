@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
+import pytest
+
 from bench.bounds.efficiency import over_bounds
+
+pytestmark = pytest.mark.long
 
 
 def test_a_mass_has_an_error_over_their_bound() -> None:

@@ -169,6 +169,7 @@ def test_a_page_without_rows_has_a_heading() -> None:
     assert "<h1>" in page({}, "nothing")
 
 
+@pytest.mark.long
 def test_a_case_is_repeated_by_its_number_or_name() -> None:
     row = kinds.repeat("nasty", "six angles", 0)
     assert row.outcome == "refused"

@@ -14,7 +14,7 @@ from palpate.robots.owner import load_description
 from palpate.runs.tools import write_excitation
 
 
-@pytest.mark.parametrize("name", ["fr3", "iiwa14"])
+@pytest.mark.parametrize("name", ["fr3", pytest.param("iiwa14", marks=pytest.mark.long)])
 def test_limits_are_kept_from_rest_to_rest(name: str) -> None:
     arm = load_description(name)
     found = excitation(arm)

@@ -68,6 +68,7 @@ def test_the_apparent_mass_of_the_arm_does_not_reach_the_breakaway(
     assert found.parts["static"].value == pytest.approx(STATIC, abs=0.03)
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("world", ["lab", "datasheet"])
 def test_the_arms_own_friction_does_not_reach_the_estimate(bench, noises, world):
     found = [
@@ -267,7 +268,7 @@ def triangle(bench, noise, seed=0, frictions=(DYNAMIC,) * 3, fast=1.0):
     return estimate_friction(released(b), PARAMETER, None)
 
 
-@pytest.mark.parametrize("world", ["lab", "datasheet"])
+@pytest.mark.parametrize("world", ["lab", pytest.param("datasheet", marks=pytest.mark.long)])
 def test_uniform_friction_in_a_triangle_is_precise(bench, noises, world):
     found = [triangle(bench, noises[world], seed) for seed in range(6)]
     assert all(is_right(each) for each in found)

@@ -64,6 +64,7 @@ def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises
         assert found.stds[0] == pytest.approx(right.stds[0], rel=0.1)
 
 
+@pytest.mark.long
 def test_residual_of_every_approach_does_not_reach_the_mass(weighing, noises):
     error, std, covers, single = errors(weighing, noises["datasheet"])
     assert error.std() < 5e-3
@@ -72,6 +73,7 @@ def test_residual_of_every_approach_does_not_reach_the_mass(weighing, noises):
     assert std.max() < 0.01
 
 
+@pytest.mark.long
 @pytest.mark.parametrize("mass", [0.016, 1.5])
 def test_mass_of_light_and_heavy_objects(weighing, noises, mass):
     error, _, covers, _ = errors(weighing, noises["lab"], mass)

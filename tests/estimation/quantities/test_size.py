@@ -186,6 +186,7 @@ def test_a_support_of_unknown_height_is_touched_too():
     assert needed == [Parameter("table", "height")]
 
 
+@pytest.mark.long
 def test_a_crate_is_measured_from_a_sentence(scene):
     """A smaller one than the scene has, at the noise of a well kept arm."""
     plan = SymbolicPlanner().plan("how tall is the crate?", scene)

@@ -154,7 +154,12 @@ def test_a_provider_that_fails_is_unavailable_within_the_budget(
 
 @pytest.mark.parametrize("wire", WIRES)
 @pytest.mark.parametrize(
-    "replies", [[Fails(500), Fails(500)], [Fails(429, {"retry-after": "1"})], [Stalls()]]
+    "replies",
+    [
+        [Fails(500), Fails(500)],
+        [Fails(429, {"retry-after": "1"})],
+        pytest.param([Stalls()], marks=pytest.mark.long),
+    ],
 )
 def test_a_provider_that_recovers_gives_its_plan(
     wire: str, replies: list[Reply], scene: Scene

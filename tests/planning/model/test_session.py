@@ -127,7 +127,7 @@ def test_a_known_model_has_a_price(planner: str) -> None:
         ([Fails(500), Fails(500), Says("at last")], 3),
         ([Fails(503), Says("at last")], 2),
         ([Fails(529), Says("at last")], 2),
-        ([Stalls(), Says("at last")], 2),
+        pytest.param([Stalls(), Says("at last")], 2, marks=pytest.mark.long),
     ],
 )
 def test_a_transient_failure_is_retried(planner: str, replies: list[Reply], requests: int) -> None:

@@ -17,6 +17,8 @@ import pytest
 
 from tests.fci.served import ROOT, Served, served
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 DESK = """<mujoco><worldbody>

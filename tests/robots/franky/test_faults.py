@@ -25,6 +25,8 @@ from palpate.scene.scene import with_real_arm
 from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 BOTTLE = "green_bottle"

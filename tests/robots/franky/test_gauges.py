@@ -12,6 +12,8 @@ from palpate.cli.app import app
 from palpate.robots.robot_config import read_config
 from tests.fci.served import ROOT, served
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 PAGE = (ROOT / "docs" / "franka.md").read_text(encoding="utf-8")

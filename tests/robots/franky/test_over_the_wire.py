@@ -14,6 +14,8 @@ from palpate.execution.cell_drivers import drivers
 from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
 
 

@@ -135,8 +135,8 @@ def test_the_arm_does_not_press_an_obstacle(
 @pytest.mark.parametrize(
     ("shape", "start", "goal"),
     [
-        (POST, (0.45, 0.0, 0.2), (0.65, 0.0, 0.2)),
-        (SIDE, (0.5, 0.0, 0.2), (0.5, 0.2, 0.2)),
+        pytest.param(POST, (0.45, 0.0, 0.2), (0.65, 0.0, 0.2), marks=pytest.mark.long),
+        pytest.param(SIDE, (0.5, 0.0, 0.2), (0.5, 0.2, 0.2), marks=pytest.mark.long),
         (BAR, (0.5, 0.0, 0.2), (0.5, 0.0, 0.1)),
     ],
     ids=["outwards", "sideways", "downwards"],

@@ -27,6 +27,7 @@ BENCH = Pose.of((1.5, -0.4, 0.9))
 """Where the bench's camera is."""
 
 
+@pytest.mark.long
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
 @pytest.mark.parametrize(
     ("source", "place", "tag", "surer"),

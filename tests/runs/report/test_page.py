@@ -13,6 +13,8 @@ import palpate as pp
 import palpate.runs.report.live_page as page_module
 from palpate.runs.report.live_page import LivePage
 
+pytestmark = pytest.mark.long
+
 SCENE = """<mujoco><worldbody><site name="robot_base"/>
   <body name="bench" pos="0.35 0 -0.03"><geom type="box" size=".6 .6 .03" friction="0.6"/></body>
   <body name="bottle" pos="0.50 0 0.08"><freejoint/>

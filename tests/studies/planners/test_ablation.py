@@ -26,6 +26,8 @@ from palpate.studies.efficiency import Rate
 from palpate.studies.scenarios.catalogue import scenario
 from palpate.studies.trials import by_scenario, read_records, table
 
+pytestmark = pytest.mark.long
+
 pytest.importorskip("pydantic_ai")
 
 NAME = "one_missing_mass"

@@ -6,6 +6,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
+from long_cases import mark_long
 
 from palpate.common.errors import InputError
 from palpate.studies.scenarios.catalogue import scenario, scenarios
@@ -17,7 +18,13 @@ ELSEWHERE = ("vision/contents", "vision/labels", "vision/open_box")
 ENDING = [n for n in scenarios() if not n.startswith("mishaps/") and n not in ELSEWHERE]
 
 
-@pytest.mark.parametrize("name", ENDING)
+SHORT = ("bottle_and_table", "one_missing_mass", "soft_mat", "thermometer", "water_temperature")
+
+
+@pytest.mark.parametrize(
+    "name",
+    mark_long(ENDING, lambda name: name not in SHORT and not name.startswith("vision/")),
+)
 def test_a_scenario_ends_as_it_should(name: str, tmp_path: Path) -> None:
     chosen = scenario(name)
     run = executed(chosen)

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import pytest
+from long_cases import mark_long
 
 from palpate.planning.plan import Node
 from palpate.planning.registry import load_proposal
@@ -29,6 +30,7 @@ RECORDED = [
 ]
 
 
+@pytest.mark.long
 @pytest.mark.parametrize(("name", "plan"), RECORDED)
 def test_a_recorded_plan_acquires_exactly_what_is_missing(name: str, plan: str) -> None:
     chosen = scenario(name)
@@ -48,7 +50,7 @@ def test_a_long_recorded_plan_passes_the_check_and_promises_exactly_what_is_miss
     assert set(made.plan.parameters) == set(chosen.expects)
 
 
-@pytest.mark.parametrize("name", SYMBOLIC)
+@pytest.mark.parametrize("name", mark_long(SYMBOLIC, lambda name: name == "hammer"))
 def test_a_models_plan_is_not_the_planners(name: str) -> None:
     chosen = scenario(name)
     settings = chosen.settings()

@@ -8,6 +8,8 @@ from palpate.execution.rehearsal import rehearse
 from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario
 
+pytestmark = pytest.mark.long
+
 NAMES = (
     "bottle_and_table",
     "clutter",

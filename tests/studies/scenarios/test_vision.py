@@ -13,6 +13,7 @@ from contextlib import suppress
 from pathlib import Path
 
 import pytest
+from long_cases import mark_long
 from loopback import Loopback, Reply, Request, Says
 from PIL import Image
 
@@ -67,7 +68,7 @@ def picture(tmp_path: Path) -> Path:
     return path
 
 
-@pytest.mark.parametrize("name", SEEN)
+@pytest.mark.parametrize("name", mark_long(SEEN, lambda name: name != "vision/unlisted_neighbour"))
 def test_with_the_picture_the_plan_passes_the_check_and_measures_what_is_meant(
     name: str, picture: Path
 ) -> None:

@@ -72,7 +72,10 @@ def test_ripple_has_a_second_harmonic_and_cycles_of_each_joint() -> None:
     assert waves[2 * cycles, range(7)] == pytest.approx(np.full(7, 0.02))
 
 
-@pytest.mark.parametrize(("ratio", "gain"), [(0.1, 1.01), (1.0, 2.5), (3.0, 0.106)])
+@pytest.mark.parametrize(
+    ("ratio", "gain"),
+    [pytest.param(0.1, 1.01, marks=pytest.mark.long), (1.0, 2.5), (3.0, 0.106)],
+)
 def test_a_resonance_amplifies_ripple_at_its_frequency(ratio: float, gain: float) -> None:
     resonance = {"frequency": 10.0, "damping": 0.2}
     found = gauges(ripple={"size": 0.05, "cycles": 240, "resonance": resonance})
