@@ -42,7 +42,6 @@ $(VENV)/.dev: $(VENV)/.run requirements-dev.txt
 
 # The documentation site, in site/; what is wrong with it is an error.
 docs: $(VENV)/.docs
-	$(BIN)/python -m palpate.cli.reference > docs/vocabulary.md
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build --quiet --strict
 
 $(VENV)/.docs: $(VENV)/.run requirements-docs.txt

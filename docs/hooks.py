@@ -1,10 +1,13 @@
-"""Pages that are made of the declarations when the site is built: the command line, and the schema of
-poses.yaml."""
+"""Pages that are generated from the code when the site is built: the command line, the vocabulary of
+plans, the keys of YAML files, and the schema of poses.yaml."""
 
 from __future__ import annotations
 
 import json
+import runpy
+from collections.abc import Callable
 from importlib import reload
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -14,18 +17,23 @@ from pydantic import BaseModel
 from typer.cli import get_docs_for_click
 
 from palpate.cli.app import app
+from palpate.primitives.registry import vocabulary
 from palpate.scene import poses
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """The site's files, and those that are generated."""
+    """Add the generated pages to the site's files."""
     files.append(File.generated(config, "commands.md", content=_commands()))
+    files.append(
+        File.generated(config, "vocabulary.md", content=_page("vocabulary_page")(vocabulary()))
+    )
+    files.append(File.generated(config, "keys.md", content=_page("keys_page")()))
     files.append(File.generated(config, "poses.schema.json", content=_poses_schema()))
     return files
 
 
 def on_post_page(output: str, **_: Any) -> str:
-    """A page that would fetch something from elsewhere is an error of the build."""
+    """Reject a page that would fetch a file from another host."""
     for needle in ('src="http', 'rel="stylesheet" href="http'):
         if needle in output:
             raise ValueError(f"a page fetches something from elsewhere: {needle}…")
@@ -38,7 +46,11 @@ def _commands() -> str:
     return get_docs_for_click(obj=command, ctx=context, name="palpate", title="The command line")
 
 
+def _page(name: str) -> Callable[..., str]:
+    return runpy.run_path(str(Path(__file__).with_name(f"{name}.py")))["page"]
+
+
 def _poses_schema() -> str:
-    # The docstrings of attributes are read from the source, which is too slow for the start of a command.
+    # Pydantic parses the source to read the docstrings of attributes, too slow for the start of a command.
     BaseModel.model_config["use_attribute_docstrings"] = True
     return json.dumps(reload(poses).Poses.model_json_schema(), indent=2) + "\n"

@@ -117,15 +117,12 @@ def test_imports_point_down(name: str) -> None:
 
 FRONT = {"runs", "studies", "common", "cli"}
 """What the command line may import."""
-REFERENCE = {"primitives", "estimation", "planning"}
-"""What its page of the documentation is written from."""
 
 
 @pytest.mark.parametrize("name", [name for name in modules() if name.startswith("palpate.cli")])
 def test_the_command_line_stands_on_the_front_door(name: str) -> None:
-    allowed = FRONT | REFERENCE if name == "palpate.cli.reference" else FRONT
     rooms_seen = {room(m) for m in imported(name) if m.startswith("palpate.")}
-    assert rooms_seen <= allowed
+    assert rooms_seen <= FRONT
 
 
 @pytest.mark.parametrize("of", ["estimation", "primitives", "planning", "trace", "scene"])

@@ -86,21 +86,24 @@ Stated = Annotated[float, BeforeValidator(plain_number), Field(ge=0, allow_inf_n
 
 
 class Datasheet(Section):
-    """Stated accuracies; None means the figure of the arm's description."""
+    """Accuracies stated to the arm's owner, the only section that estimators know.
+
+    None means the figure of the arm's description.
+    """
 
     force_resolution: Stated | None = None  # N
     force_repeatability: Stated | None = None  # N, per approach
     force_accuracy: Stated | None = None  # N, of an absolute force
     pose_repeatability: Stated | None = None  # m
     torque_gain_max: Stated | None = None  # relative, half width
-    # m, distance from the TCP to the pads' end along the tool, and its standard deviation
-    tip_offset: Stated | None = None
+    tip_offset: Stated | None = None  # m, from the TCP to the pads' end along the tool
+    # m, standard deviation; without calibration it includes the effect of the arm's frame on a height
     tip_offset_std: Stated | None = None
-    # m/N, compliance of pads and joints beyond the encoders, under a force along the tool, and its standard
-    # deviation
+    # m/N, of pads and joints beyond the encoders, under a force along the tool
     tip_compliance: Stated | None = None
-    tip_compliance_std: Stated | None = None
-    rest_torque: Stated | None = None  # N m, of each joint at rest: friction and ripple
+    tip_compliance_std: Stated | None = None  # m/N, standard deviation
+    # N m that friction and ripple leave in each joint at rest, where larger than in the description
+    rest_torque: Stated | None = None
 
 
 def own_arm(

@@ -76,29 +76,33 @@ def require_quaternion(value: Any) -> Array:
 class MeasuredFigure(Section):
     """A measured figure."""
 
-    date: datetime.date | None = None
-    by: Annotated[str, Field(max_length=300)] | None = None
+    date: datetime.date | None = None  # of the measurement
+    by: Annotated[str, Field(max_length=300)] | None = None  # its method
 
 
 class Value(MeasuredFigure):
     """A number and its standard deviation."""
 
-    value: Number
-    std: Deviation
+    value: Number  # enters estimates
+    std: Deviation  # enters their intervals
 
 
 class Repeated(MeasuredFigure):
     """Standard deviation of a repeatability."""
 
-    value: Deviation
+    value: Deviation  # 1 sigma
 
 
 class SensorGains(MeasuredFigure):
-    """Relative errors of the joints' torque sensors: a reading is 1 + `value` times the torque."""
+    """Relative errors of the joints' torque sensors.
 
-    value: Seven
-    # One of the two: of joints measured separately, (7,), or jointly, (7, 7).
-    std: Seven | None = None
+    They are corrected where the sensors are read, so every force is right, including those of the safety
+    predicate. The remaining error replaces the datasheet's in the intervals.
+    """
+
+    value: Seven  # a reading is 1 + `value` times the torque
+    std: Seven | None = None  # of joints measured separately
+    # instead of `std`, of joints measured together, which is more informative: seven lists of seven numbers
     covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
     @model_validator(mode="after")
@@ -121,16 +125,19 @@ class SensorGains(MeasuredFigure):
 
 
 class Lean(MeasuredFigure):
-    """Tilt of the base about its x and y axes, rad, and standard deviations."""
+    """Tilt of the base, real or apparent, against the scene's.
 
-    value: Pair
-    std: Pair
+    It turns every pose that the arm reports. It is measured together with `tip_offset`, and valid with it.
+    """
+
+    value: Pair  # rad, about the base's x and y axes
+    std: Pair  # rad
 
 
 class Gravity(MeasuredFigure):
-    """Gravity at the arm's place, m/s^2."""
+    """Gravity at the arm's place, the divisor of weights."""
 
-    value: Size
+    value: Size  # m/s^2
 
 
 class EndEffector(Section):
@@ -141,9 +148,10 @@ class EndEffector(Section):
 
 
 class CameraConfig(MeasuredFigure):
-    """A camera. Its pose is in the frame of the arm's base, or of the TCP where it is on the hand.
+    """The camera of the workspace, for a poses.yaml without one.
 
-    It looks along its own -z, as in MJCF.
+    Its pose is in the frame of the arm's base, or of the TCP where it is on the hand. It looks along its own
+    -z, as in MJCF.
     """
 
     pos: Vector  # m
@@ -151,45 +159,42 @@ class CameraConfig(MeasuredFigure):
     fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
     # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
-    on_hand: bool = False
-    # Covariance of position, m, and rotation, rad, along the axes of that frame, and of the logarithm of
-    # the focal length.
+    on_hand: bool = False  # its pose is in the frame of the TCP
+    # (7, 7) of position, m, rotation, rad, along the axes of that frame, and the logarithm of the focal
+    # length; with it `palpate see` takes the camera's pose from here
     covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
 
 
 class Simulated(Section):
-    """Identity of an embedded arm: another `noise` or `seed` is another arm."""
+    """Identity of an embedded arm: another `noise` or `seed` is another arm. Absent for a real arm."""
 
-    noise: Annotated[str, Field(min_length=1, max_length=1000)]
-    seed: Annotated[int, Field(ge=0)]
+    noise: Annotated[str, Field(min_length=1, max_length=1000)]  # its noise model
+    seed: Annotated[int, Field(ge=0)]  # its seed
     visits: Annotated[int, Field(ge=0)] = 0  # calibrations: each is a run with other errors
 
 
 class RobotConfig(Section):
     """The content of a robot.yaml."""
 
-    palpate_robot: Literal[1] = 1
-    name: Name | None = None
-    arm: Name | None = None  # name of its description
-    simulated: Simulated | None = None  # None for a real arm
+    palpate_robot: Literal[1] = 1  # version of the form
+    name: Name | None = None  # title of the arm
+    arm: Name | None = None  # name of its description: with another arm the file is refused
+    simulated: Simulated | None = None
     gravity: Gravity | None = None
-    torque_gain: SensorGains | None = None  # of the joints' sensors
+    torque_gain: SensorGains | None = None
     # m, from the TCP to the pads' end along the tool; includes the error of the arm's frame in a height at
     # the place of measurement
     tip_offset: Value | None = None
-    # Real or apparent tilt of the base against the scene's. It is measured together with tip_offset, and
-    # valid with it.
     base_lean: Lean | None = None
-    pose_repeatability: Repeated | None = None  # m, of each axis of the TCP, measured by heights
-    tip_compliance: Value | None = (
-        None  # m/N, of pads and joints beyond the encoders, along the tool
-    )
+    pose_repeatability: Repeated | None = None  # m, of each axis of the TCP, measured along gravity
+    # m/N, of pads and joints beyond the encoders, along the tool
+    tip_compliance: Value | None = None
     end_effector: EndEffector | None = None
-    stiffness: ControllerStiffness | None = None  # of the controller's springs
+    stiffness: ControllerStiffness | None = None
     reflex: ReflexSheet | None = None
-    workspace: Workspace | None = None  # of the TCP
+    workspace: Workspace | None = None
     speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None  # share of the pace
-    camera: CameraConfig | None = None  # camera of the workspace, for a poses.yaml without one
+    camera: CameraConfig | None = None
 
     # Compared by identity: results computed from it are cached, and a file is one object.
     def __hash__(self) -> int:

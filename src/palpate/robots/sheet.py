@@ -129,27 +129,26 @@ Name = Annotated[str, Field(min_length=1, max_length=100)]
 class Workspace(Section):
     """Box about the arm's base that the TCP stays in, m."""
 
-    min: Vector
-    max: Vector
+    min: Vector  # m
+    max: Vector  # m
 
 
 class Reach(Section):
     """Quick estimate of the arm's working range with the tool down, m."""
 
-    # horizontal distances of the TCP from the base
-    nearest: Size
-    farthest: Size
-    preferred: Size
+    nearest: Size  # horizontal distance of the TCP from the base
+    farthest: Size  # as `nearest`
+    preferred: Size  # as `nearest`
     shoulder: Size  # height of the shoulder above the base
     wrist: Size  # from the TCP up to the wrist's centre
     stretched: Size  # largest distance of the wrist's centre from the shoulder
 
 
 class Box(Section):
-    """Box in the tool frame, m."""
+    """Box in the tool frame."""
 
-    centre: Vector
-    half: Vector
+    centre: Vector  # m
+    half: Vector  # m
 
 
 class ParallelHand(Section):
@@ -167,7 +166,7 @@ class ParallelHand(Section):
     pad: Size  # m, half the width of a finger's pad
     finger: Size  # m, a finger's thickness along the closing direction
     boxes: Annotated[tuple[Box, ...], Field(min_length=1)]  # the opened hand
-    pads: Box | None = None  # in each finger's own frame; None: its colliding shapes
+    pads: Box | None = None  # in each finger's own frame; absent: its colliding shapes
 
     @cached_property
     def breadth(self) -> float:
@@ -187,31 +186,31 @@ class ParallelHand(Section):
 
 
 class Safety(Section):
-    """Limits of the safety predicate; see `palpate.robots.description.Limits`."""
+    """Limits of the safety predicate."""
 
-    force: Size
-    torque: Size
-    free_force: Size
-    overload: Size
-    speed: Size
-    tracking: Size
-    stale: Size
+    force: Size  # N, largest external force at the TCP in any commanded interaction
+    torque: Size  # N m, largest external torque at the TCP
+    free_force: Size  # N: more than this in free air is a collision
+    overload: Size  # N above the payload's weight, for the inertia of load and arm
+    speed: Size  # m/s, TCP speed
+    tracking: Size  # m, largest distance between commanded equilibrium and measured TCP
+    stale: Size  # s, oldest sensor sample that may be acted upon
 
 
 class Thresholds(Section):
-    """Thresholds of the arm's reflex at the TCP, N and N m, without the carried load."""
+    """Thresholds of the arm's reflex at the TCP, without the carried load."""
 
-    force: Size
-    torque: Size
+    force: Size  # N
+    torque: Size  # N m
 
 
 class ReflexSheet(Section):
-    """Thresholds of each activity; see `palpate.robots.sheet.Reflexes`."""
+    """Thresholds at which the arm stops itself, for each activity."""
 
-    free: Thresholds
-    carrying: Thresholds
-    probing: Thresholds
-    contact: Thresholds
+    free: Thresholds  # in free air with empty fingers
+    carrying: Thresholds  # with an object between them
+    probing: Thresholds  # in a guarded motion
+    contact: Thresholds  # for intended contact
 
 
 class ControllerStiffness(Section):
@@ -223,39 +222,37 @@ class ControllerStiffness(Section):
 
 
 class Hardware(Section):
-    """Values in which a real arm differs from a simulated one."""
+    """Values in which a real arm differs from a simulated one. Absent: it does not."""
 
     stiffness: ControllerStiffness  # stable in a control loop at 1 kHz, and soft for a person
     rest_torque: Share = 0.0  # N m that friction and ripple leave in each joint at rest
-    # m, uncertainty of the pads' end against the drawings, on an arm without calibration; None: that of the
-    # datasheet
+    # m, uncertainty of the pads' end against the drawings, without calibration; absent: the datasheet's
     tip_offset_std: Size | None = None
 
 
 class Cautious(Section):
-    """Lower limits of cautious motions; see `MotionLimits`."""
+    """Lower limits of cautious motions."""
 
-    speed: Size
-    turning_speed: Size
-    joint_speed: Size
-    impulse: Size
+    speed: Size  # m/s
+    turning_speed: Size  # rad/s
+    joint_speed: Size  # rad/s
+    impulse: Size  # N s
 
 
 class MotionLimits(Section):
-    """Limits of commanded motions of the TCP and of the joints: m/s, rad/s, m/s^2, rad/s^2."""
+    """Limits of commanded motions of the TCP and of the joints."""
 
-    speed: Size
-    turning_speed: Size
-    joint_speed: Size
-    acceleration: Size
-    turning_acceleration: Size
-    joint_acceleration: Size
+    speed: Size  # m/s
+    turning_speed: Size  # rad/s
+    joint_speed: Size  # rad/s
+    acceleration: Size  # m/s^2
+    turning_acceleration: Size  # rad/s^2
+    joint_acceleration: Size  # rad/s^2
     impulse: Size  # N s to an obstacle, which limits the speed where the effective mass is large
     restitution: Share  # of such contacts, 0 to 1
     cautious: Cautious  # limits near objects that no scene shows
-    swinging_acceleration: Size | None = (
-        None  # of the TCP in free air; None: the arm must not swing
-    )
+    # m/s^2, of the TCP in free air; absent: the arm must not swing
+    swinging_acceleration: Size | None = None
 
 
 class Accuracy(Section):
@@ -283,12 +280,12 @@ class Sheet(Section):
     """The content of a `description.yaml`."""
 
     label: Name  # title of the arm
-    mjcf: Path  # relative to the folder
+    mjcf: Path  # the arm's file, relative to the folder
     joints: tuple[Name, ...]  # the seven hinges, from the base on
     home: Seven  # rad, tool down
     velocity: Seven  # rad/s
-    torque: Seven | None = None  # N m; None: the MJCF's `actuatorfrcrange`
-    # Gear ripples per turn of each joint; None: unknown
+    torque: Seven | None = None  # N m; absent: the MJCF's `actuatorfrcrange`
+    # gear ripples per turn of each joint; absent: unknown
     ripple_cycles: Annotated[tuple[Size, ...], Field(min_length=7, max_length=7)] | None = None
     payload: Size  # kg
     workspace: Workspace
@@ -301,7 +298,7 @@ class Sheet(Section):
     accuracy: Accuracy
     sensors: SensorErrors
     postures: tuple[Seven, ...]  # rad, relative to home: further seeds of the inverse kinematics
-    hardware: Hardware | None = None  # None: a real arm is as the simulated one
+    hardware: Hardware | None = None
 
 
 OWN = {

@@ -4,7 +4,8 @@ Every key is optional. An absent key means no error; in `datasheet` it means the
 description. Units are SI. A scalar applies to all seven joints, or to all axes. A size is one standard
 deviation of a centred normal distribution. It is a half width of a uniform distribution if its key ends in
 `_max`, and a plain value if it is a level. A drawn size may be written `{fixed: value}`: the value is then
-the same for every seed. `docs/noise.md` documents every figure.
+the same for every seed. The comment of a key has when it is drawn, its unit and its effect; the documentation's table
+of keys is made from these comments.
 """
 
 from __future__ import annotations
@@ -209,162 +210,163 @@ Band = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
 
 
 class Flicker(Section):
-    """1/f noise with the one-sided power spectral density level^2 / f within `band`, Hz.
+    """1/f noise: one-sided power spectral density level^2 / f in `band`, flat below, zero above."""
 
-    It is flat below the band and zero above. `level` is N m at 1 Hz per sqrt(Hz).
-    """
-
-    level: Levels = NONE
-    band: Band = (0.003, 50.0)
+    level: Levels = NONE  # run; N m at 1 Hz per sqrt(Hz)
+    band: Band = (0.003, 50.0)  # Hz, edges at which half of the density is left
 
 
 class Drift(Section):
-    """Thermal drift, per run.
+    """Thermal drift."""
 
-    `size` is the stationary standard deviation, N m, with `time_constant`, s (infinite: a random walk).
-    `warm_up`, N m, is a change that a reading approaches from the run's start in `warm_up_time`, s, with a
-    random sign (per robot).
-    """
-
-    size: Levels = NONE
-    time_constant: Lasting = 300.0
+    size: Levels = NONE  # run; N m, stationary standard deviation of an Ornstein-Uhlenbeck process
+    time_constant: Lasting = (
+        300.0  # s; infinite: a random walk that spreads as one of 300 s begins to
+    )
+    # robot (sign); N m, change that a reading approaches exponentially from the run's start
     warm_up: JointsSigned = nothing(Seven, "sign")
-    warm_up_time: Positive = 1800.0
+    warm_up_time: Positive = 1800.0  # s
 
 
 class EncoderRipple(Section):
-    """Error periodic in a joint's angle, with `cycles` per turn and a phase per robot.
+    """Error periodic in a joint's angle."""
 
-    `size` is its root mean square, `second` that of its second harmonic.
-    """
-
-    size: Levels = NONE
-    second: Levels = NONE
-    cycles: Levels = np.full(JOINTS, 64.0)
+    size: Levels = NONE  # robot (phase); root mean square of a sine in the joint's angle
+    second: Levels = NONE  # robot (phase); of its second harmonic
+    cycles: Levels = np.full(JOINTS, 64.0)  # per turn
 
 
 class Resonance(Section):
-    """Second-order resonance of unit gain at low frequency, with natural `frequency`, Hz (infinite: none),
-    and `damping` ratio.
-    """
+    """Second-order resonance of a soft control loop, excited by the ripple; unit gain at low frequency."""
 
-    frequency: Positives = np.full(JOINTS, np.inf)
-    damping: Positives = np.full(JOINTS, 0.2)
+    frequency: Positives = np.full(JOINTS, np.inf)  # Hz; infinite: none
+    damping: Positives = np.full(JOINTS, 0.2)  # damping ratio
 
 
 class Ripple(EncoderRipple):
-    """Ripple of the torque sensors, N m, as `EncoderRipple`, amplified by a soft control loop."""
+    """Ripple of the torque sensors, N m."""
 
-    cycles: Levels = np.full(JOINTS, 200.0)
+    cycles: Levels = np.full(JOINTS, 200.0)  # per turn: one a joint, or one for all
     resonance: Resonance = Resonance()
 
 
 class Torque(Section):
-    """Errors of the joint torque sensors against the true link-side torque; N m."""
+    """Errors of the joint torque sensors against the true link-side torque."""
 
-    white: Levels = NONE
+    white: Levels = NONE  # sample; N m, white noise
     flicker: Flicker = Flicker()
     drift: Drift = Drift()
-    offset: Joints = nothing(Seven)
-    gain_max: JointsWithin = nothing(Seven, "uniform")
-    nonlinearity_max: JointsWithin = nothing(Seven, "uniform")
+    offset: Joints = nothing(Seven)  # run; N m, offset after zeroing
+    gain_max: JointsWithin = nothing(Seven, "uniform")  # robot; relative error of each joint
+    nonlinearity_max: JointsWithin = nothing(
+        Seven, "uniform"
+    )  # robot; quadratic, share of the range
+    # loops as wide as this share of the swing since the last reversal, within a factor 1.4
+    # (Prandtl-Ishlinskii model)
     hysteresis: Levels = NONE
-    crosstalk: Pairs = nothing((JOINTS, JOINTS))
+    crosstalk: Pairs = nothing((JOINTS, JOINTS))  # robot; N m per N m of every other joint
     ripple: Ripple = Ripple()
-    quantisation: Levels = NONE
-    range: Ranges = np.full(JOINTS, np.inf)
-    delay: Level = 0.0
-    filter: Level = 0.0
+    quantisation: Levels = NONE  # N m, step of the reading, after all errors above
+    range: Ranges = np.full(JOINTS, np.inf)  # N m, saturation of the reading
+    delay: Level = 0.0  # s, of torque against position
+    filter: Level = 0.0  # Hz, first-order low pass; 0: none
 
 
 class FrictionNoise(Section):
-    """Joint friction by Dahl's law behind the torque sensor; N m, rad, rad/s."""
+    """Joint friction by Dahl's law behind the torque sensor, seen by the wrench; it does not slow the arm."""
 
-    coulomb: Levels = NONE
-    static: Factor = 1.0
-    stribeck_speed: Positive = 0.01
-    viscous: Levels = NONE
-    presliding: Positives = np.full(JOINTS, 2e-3)
-    load: Levels = NONE
-    spread: Joints = nothing(Seven)
+    coulomb: Levels = NONE  # N m, level of each joint
+    static: Factor = 1.0  # higher friction at low speed, over `coulomb` (Stribeck)
+    stribeck_speed: Positive = 0.01  # rad/s
+    viscous: Levels = NONE  # N m s/rad
+    presliding: Positives = np.full(JOINTS, 2e-3)  # rad: one distance, or one a joint
+    load: Levels = NONE  # N m per N m, share of the joint's torque
+    spread: Joints = nothing(Seven)  # robot; relative scatter of `coulomb`
+    # relative change with the joint's angle, root mean square; the phase is drawn for the robot
     position: Levels = NONE
-    compensated: Share = 0.0
+    compensated: Share = 0.0  # share that a driver compensates
 
 
 class Sticking(Section):
-    """Torque that remains in the joints after the arm comes to rest: `force` N per axis at the TCP and
-    `torque` N m per joint.
-    """
+    """Torque that remains in the joints after the arm comes to rest."""
 
-    force: Vector = nothing(AXES)
-    torque: Joints = nothing(Seven)
-    settling: Positive = 0.08
+    force: Vector = nothing(AXES)  # rest; N per axis at the TCP
+    torque: Joints = nothing(Seven)  # rest; N m per joint
+    settling: Positive = 0.08  # s in which they build up
+    # rad, norm over the joints: motion that shakes them off; infinite: they persist until the next rest
     release: Lasting = 1.5e-3
-    relaxation: Lasting = np.inf
-    memory: Share = 0.0
+    relaxation: Lasting = np.inf  # s, time constant of decay at rest
+    memory: Share = 0.0  # share in common with the last rest; the size stays the same
 
 
 class ModelErrors(Section):
-    """Errors of the nominal inertial and kinematic model, per robot."""
+    """Errors of the nominal inertial and kinematic model, drawn for the robot."""
 
-    link_mass: Joints = nothing(Seven)
-    link_com: JointAxes = nothing((JOINTS, 3))
-    hand_mass: Number = nothing()
-    hand_com: Vector = nothing(AXES)
-    payload_cable: Level = 0.0
-    base_tilt: Plane = nothing((2,))
-    base_position: Vector = nothing(AXES)
-    base_yaw: Number = nothing()
-    gravity: Number = nothing()
-    joint_offset: Joints = nothing(Seven)
-    link_length: Joints = nothing(Seven)
+    link_mass: Joints = nothing(Seven)  # relative, of the seven moving links
+    link_com: JointAxes = nothing((JOINTS, 3))  # m
+    hand_mass: Number = nothing()  # kg
+    hand_com: Vector = nothing(AXES)  # m
+    payload_cable: Level = (
+        0.0  # N, force at the TCP on every axis: a smooth random field over 0.3 m
+    )
+    base_tilt: Plane = nothing((2,))  # rad; also turns gravity in the base frame
+    base_position: Vector = nothing(AXES)  # m, base against scene frame, in the base's axes
+    base_yaw: Number = nothing()  # rad
+    gravity: Number = nothing()  # m/s^2, true less assumed
+    joint_offset: Joints = nothing(Seven)  # rad, zeros of the encoders
+    link_length: Joints = nothing(Seven)  # m, along each link
+    # rad per N m, behind the encoders; the magnitude is drawn
     joint_compliance: JointsSoft = nothing(Seven, "magnitude")
-    tip_offset: Number = nothing()
-    tip_lateral: Plane = nothing((2,))
-    pad_compliance: Soft = nothing((), "magnitude")
-    finger_width: Number = nothing()
+    tip_offset: Number = nothing()  # m, true end of the pads along the tool
+    tip_lateral: Plane = nothing((2,))  # m, across the tool
+    pad_compliance: Soft = nothing(
+        (), "magnitude"
+    )  # m/N, of the pads under a probe; the magnitude is drawn
+    finger_width: Number = nothing()  # m, offset of the reported opening
 
 
 class PoseErrors(Section):
-    """Errors of the encoders: m, rad."""
+    """Errors of the encoders."""
 
-    repeatability: Vector = nothing(AXES)
-    resettling: Positive = 2e-2
-    encoder: Levels = NONE
-    encoder_ripple: EncoderRipple = EncoderRipple()
-    quantisation: Level = 0.0
-    thermal: Level = 0.0
+    repeatability: Vector = nothing(AXES)  # rest; m per axis, reported against true TCP
+    resettling: Positive = 2e-2  # rad of motion over which the next value comes
+    encoder: Levels = NONE  # sample; rad, white noise of the angles
+    encoder_ripple: EncoderRipple = EncoderRipple()  # rad
+    quantisation: Level = 0.0  # rad
+    thermal: Level = 0.0  # run; m per axis, with the time constant of the torque drift
 
 
 class OutlierNoise(Section):
-    """Single samples with errors of a heavy-tailed distribution: `rate` per s and joint, `size` N m."""
+    """Single samples with errors of Student's t with 2 degrees of freedom."""
 
-    rate: Level = 0.0
-    size: Levels = NONE
+    rate: Level = 0.0  # per s and joint
+    size: Levels = NONE  # N m
 
 
 class Dropped(Section):
-    """Gaps in the samples: `rate` per s, each `length` s."""
+    """Gaps in the 1 kHz samples; a logged sample is the mean of those of its five that arrive."""
 
-    rate: Level = 0.0
-    length: Positive = 0.005
+    rate: Level = 0.0  # per s
+    length: Positive = 0.005  # s
 
 
 class Acquisition(Section):
-    """Errors of the data acquisition, independent of the samples' values."""
+    """Errors of the data acquisition. The arm's reflex does not see them."""
 
     outliers: OutlierNoise = OutlierNoise()
     dropped: Dropped = Dropped()
-    repeated: Annotated[Share, Field(lt=1)] = 0.0
-    jitter: Level = 0.0
-    clock: Number = nothing()
+    repeated: Annotated[Share, Field(lt=1)] = (
+        0.0  # sample; share of samples that repeat the last one
+    )
+    jitter: Level = 0.0  # sample; s, of the time stamps, which stay in order
+    clock: Number = nothing()  # robot; relative rate error of the robot's clock
 
 
 class Vibration(Section):
-    """Vertical vibration of the base: `acceleration` m/s^2, root mean square, at `frequency` Hz."""
+    """Vertical vibration of the base, which changes the weight of arm and load."""
 
-    acceleration: Level = 0.0
-    frequency: Positive = 25.0
+    acceleration: Level = 0.0  # run (phase); m/s^2, root mean square
+    frequency: Positive = 25.0  # Hz
 
 
 class Environment(Section):
@@ -376,15 +378,15 @@ class Environment(Section):
 class NoiseModel(Section):
     """Deviations of a real arm from its nominal model, and the accuracy stated to its owner.
 
-    Attributes:
-        name: title in report and result.
-        extends: base model of a file; None once the file is read, as it is then resolved.
-        datasheet: the only section that estimators know.
+    `extends` is None once a file is read, as it is then resolved.
     """
 
-    palpate_noise: Literal[1] = 1
+    palpate_noise: Literal[1] = 1  # version of the form
+    # title in report and result; else the file's name
     name: Annotated[str, Field(min_length=1, max_length=100)] = "unnamed"
-    extends: None = None
+    extends: None = (
+        None  # a bundled model or another FILE.yaml, whose keys hold where the file has none
+    )
     datasheet: Datasheet = Datasheet()
     torque: Torque = Torque()
     friction: FrictionNoise = FrictionNoise()

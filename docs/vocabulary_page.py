@@ -1,4 +1,4 @@
-"""The vocabulary as a page of the documentation, written by `make docs`."""
+"""The page of the vocabulary, which `docs/hooks.py` adds to the site."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from collections.abc import Iterator
 from palpate.estimation.quantities.catalogue import PURPOSES, catalogue
 from palpate.planning.check.check import RULES
 from palpate.primitives.base import Primitive
-from palpate.primitives.registry import Vocabulary, acquisition, vocabulary
+from palpate.primitives.registry import Vocabulary, acquisition
 
 HEAD = """# The vocabulary
 
-Generated from the declarations by `make docs`. A plan is made of these primitives and composites, and of nothing else.
+Look up here the parts of a plan, the quantities and the rules of the check. This page is generated from the code.
+`palpate vocabulary` prints the primitives and composites on the terminal.
 """
 
 
@@ -59,7 +60,3 @@ def _primitive(name: str, cls: type[Primitive]) -> Iterator[str]:
     if cls.measures:
         yield f"- yields {cls.measures.label} in {cls.measures.unit}"
     yield ""
-
-
-if __name__ == "__main__":
-    print(page(vocabulary()), end="")
