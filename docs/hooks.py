@@ -20,6 +20,8 @@ from palpate.cli.app import app
 from palpate.primitives.registry import vocabulary
 from palpate.scene import poses
 
+RESULTS = Path(__file__).parents[1] / "bench" / "RESULTS.md"
+
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the generated pages to the site's files."""
@@ -28,6 +30,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         File.generated(config, "vocabulary.md", content=_page("vocabulary_page")(vocabulary()))
     )
     files.append(File.generated(config, "keys.md", content=_page("keys_page")()))
+    files.append(File.generated(config, "results.md", content=RESULTS.read_text(encoding="utf-8")))
     files.append(File.generated(config, "poses.schema.json", content=_poses_schema()))
     return files
 
