@@ -1,6 +1,6 @@
 """The page of the keys of palpate's YAML files, which `docs/hooks.py` adds to the site.
 
-The meaning of a key is the comment of its field in the source.
+The meaning of a key is the comment or docstring of its field in the source.
 """
 
 from __future__ import annotations
@@ -10,18 +10,24 @@ import inspect
 import io
 import tokenize
 from collections.abc import Iterator
-from typing import Any, get_args
+from typing import Any, get_args, get_origin
 
 from pydantic import BaseModel
 
 from palpate.robots.robot_config import RobotConfig
 from palpate.robots.sheet import Sheet
 from palpate.robots.simulated.noise.model import NoiseModel
+from palpate.scene.poses import Poses
 
 HEAD = """# Keys of the YAML files
 
-Look up here each key of a robot.yaml, of an arm's description.yaml and of a noise model. This page is generated from
-the code. Unknown keys are an error. Units are SI. [poses.yaml](poses.md) has a page of its own.
+Look up here each key of a poses.yaml, of a robot.yaml, of an arm's description.yaml and of a noise model. This page is
+generated from the code. Unknown keys are an error. Units are SI.
+"""
+POSES = """
+## poses.yaml
+
+`--poses` ([poses.yaml](poses.md)). Every key is optional.
 """
 ROBOT = """
 ## robot.yaml
@@ -46,7 +52,8 @@ COMMON = {"date", "by"}
 def page() -> str:
     """Write the page's Markdown."""
     parts = [HEAD]
-    for head, root in ((ROBOT, RobotConfig), (ARM, Sheet), (NOISE, NoiseModel)):
+    files = ((POSES, Poses), (ROBOT, RobotConfig), (ARM, Sheet), (NOISE, NoiseModel))
+    for head, root in files:
         parts += [head, "| key | meaning |", "|---|---|", *_rows(root)]
     return "\n".join(parts) + "\n"
 
@@ -61,7 +68,8 @@ def _rows(section: type[BaseModel], prefix: str = "") -> Iterator[str]:
             shown = f"**{key}**" if inner and not prefix else key
             yield f"| {shown} | {meaning.replace('|', chr(92) + '|')} |"
         if inner:
-            yield from _rows(inner, f"{prefix}{name}.")
+            named = "NAME." if get_origin(field.annotation) is dict else ""
+            yield from _rows(inner, f"{prefix}{name}.{named}")
 
 
 def _doc(section: type[BaseModel]) -> str:
@@ -89,17 +97,21 @@ def _own_comments(source: str) -> dict[str, str]:
     comments = {t.start[0]: t.string.lstrip("# ") for t in tokens if t.type == tokenize.COMMENT}
     lines = source.splitlines()
     found: dict[str, str] = {}
-    for node in ast.walk(ast.parse(source)):
-        if isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name):
-            above: list[str] = []
-            line = node.lineno - 1
-            while line in comments and lines[line - 1].lstrip().startswith("#"):
-                above.insert(0, comments[line])
-                line -= 1
-            behind = [
-                comments[n] for n in range(node.lineno, (node.end_lineno or 0) + 1) if n in comments
-            ]
-            found[node.target.id] = " ".join([*above, *behind])
+    (cls,) = ast.parse(source).body
+    body = cls.body if isinstance(cls, ast.ClassDef) else []
+    for node, after in zip(body, [*body[1:], None], strict=True):
+        if not (isinstance(node, ast.AnnAssign) and isinstance(node.target, ast.Name)):
+            continue
+        parts: list[str] = []
+        line = node.lineno - 1
+        while line in comments and lines[line - 1].lstrip().startswith("#"):
+            parts.insert(0, comments[line])
+            line -= 1
+        span = range(node.lineno, (node.end_lineno or 0) + 1)
+        parts += [comments[n] for n in span if n in comments]
+        if isinstance(after, ast.Expr) and isinstance(after.value, ast.Constant):
+            parts.append(" ".join(str(after.value.value).split()))
+        found[node.target.id] = " ".join(parts)
     return found
 
 
