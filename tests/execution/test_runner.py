@@ -185,20 +185,22 @@ def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
     plan, node, scene, robot, words, carrying
 ):
     """Some newtons, which tell a support from a touch, and no more than that, met at less than 2 cm/s."""
-    pressed, speeds = [], []
+    pressed, speeds, thresholds = [], [], []
 
     def press(r):
         if r.state.gripping:
             pressed.append(-float(r.state.wrench[2]))
         if r.state.gripping and commands(r)[-1] == "move_axis":
             speeds.append(r.speed)
+            thresholds.append(r.thresholds.force)
 
     robot.on_advance = press
     robot.set_reflex(robot.limits.reflexes.free)
     run(plan(*carrying, node("Go", z=0.2), node("Refuse")), scene, robot, words=words)
     assert 4.5 < pressed[-1] < 10.0
     assert max(speeds) < 0.02
-    assert robot.thresholds.force == robot.limits.reflexes.contact.force, "pressing is part of it"
+    assert set(thresholds) == {robot.limits.reflexes.contact.force}, "pressing is part of it"
+    assert robot.thresholds.force == robot.limits.reflexes.free.force, "the retreat is in free air"
 
 
 def test_an_arm_that_presses_on_something_is_relieved_step_by_step(plan, node, scene, robot, words):

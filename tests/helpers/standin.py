@@ -124,7 +124,7 @@ class StandIn:
         self.move_pose(self.state.pose_world_tcp.translate(travel * np.asarray(direction)), speed)
         self.calls[-1] = ("move_axis", tuple(direction))
 
-    def open_gripper(self) -> None:
+    def open_gripper(self, width: float | None = None) -> None:
         self.calls.append(("open_gripper", self.state.pose_world_tcp.position[2]))
         self.fingers_until, self.gripping_after = self.state.t + 0.2, False
         self.put(gripper_moving=True)

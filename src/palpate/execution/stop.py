@@ -3,6 +3,12 @@
 It is put down only on a proven support. The support is believed to be below with a margin, and is met
 near that height. It carries more than the whole weight, at rest, for `PROVEN` s. In all other cases,
 for example at an edge or with a varying force, the object stays in the closed fingers.
+
+A fixture goes back along its joint to where it was found, since it rested there. A door closer, a
+spring or gravity would slam it elsewhere.
+
+The rules that judge a plan's motions judge the stop's, too. The fingers open only as far as they meet
+no body, and the hand rises only as far as the arm stays clear.
 """
 
 from __future__ import annotations
@@ -17,7 +23,10 @@ from palpate.common.pose import Pose
 from palpate.primitives.base import ARM, GRIPPER, Blackboard, LeafFailure, Primitive, Steps, Wait
 from palpate.primitives.gripper import finish_fingers
 from palpate.primitives.guarding import DOWN, WrenchFilter, finish, settle, wait_for_contact
+from palpate.primitives.handle import return_fixture
 from palpate.primitives.load import UNFELT
+from palpate.primitives.rules import motion
+from palpate.primitives.rules.collision import finger_collisions
 from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR
 from palpate.primitives.rules.support import footing, is_as_found, stable
 from palpate.primitives.state import SymbolicState
@@ -38,7 +47,9 @@ An object that hung askew between the pads turns until it lies flat, and yields 
 """
 STAYS = "it stays in the fingers"
 RETREAT_SPEED = 0.05  # m/s, speed of the retreat upwards
-RETREAT = 0.10  # m, length of the retreat upwards
+RETREATS = (0.10, 0.06, 0.03)  # m, lengths of the retreat upwards that are tried in order
+OPENINGS = (np.inf, 0.02, 0.01)  # m beyond the object's width that are tried in order
+TILTED = np.radians(3.0)  # rad from the hand's pose before a motion: more, and it turns back first
 
 Fate = Literal["put down", "held", "lost"]
 
@@ -85,7 +96,9 @@ class PutDown(Primitive):
     timeout: ClassVar[float] = 60.0
 
     def expectation(self, state: SymbolicState) -> Expectation:
-        return Expectation(contact=True, grasped=state.holding is not None)
+        # The retreat is a motion in free air.
+        held = state.holding is not None
+        return Expectation(contact=held or state.activity != "moving", grasped=held)
 
     def slipping(self, blackboard: Blackboard) -> str | None:
         """None: a slipping object is put down as well, as long as the fingers have it."""
@@ -94,16 +107,72 @@ class PutDown(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
         blackboard.set_reflex(robot.limits.reflexes.contact)
-        # A fixture needs no support: it stays in place when its handle is released.
-        if name is not None and name not in blackboard.scene.fixtures:
+        if name in blackboard.scene.fixtures:
+            yield from self._back_to_rest(blackboard, name)
+        elif name is not None:
+            yield from self._turn_back(blackboard)
             yield from self._to_support(blackboard, name)
+        width = self._opening(blackboard, name)
         blackboard.state = state_after_release(blackboard)
-        robot.open_gripper()
+        robot.open_gripper(width)
         yield from finish_fingers(blackboard)
-        robot.move_axis(-DOWN, RETREAT_SPEED, RETREAT)
+        done = f"put {name or 'what was just grasped'} down"
+        rises = yield from self._retreat(blackboard)
+        return done if rises else f"{done}; the hand stays there, since the way up is not clear"
+
+    def _back_to_rest(self, blackboard: Blackboard, name: str) -> Wait:
+        """Return a fixture to where it was found."""
+        try:
+            yield from return_fixture(blackboard)
+        except LeafFailure as failure:
+            raise LeafFailure(
+                f"'{name}' is not back where it was found, {failure}: {STAYS}"
+            ) from None
+
+    def _turn_back(self, blackboard: Blackboard) -> Wait:
+        """Turn the hand back to its orientation before the motion that was stopped, if that is clear."""
+        robot, state = blackboard.robot, blackboard.state
+        now = robot.state.pose_world_tcp
+        if state.pose_world_tcp is None or now.angle_to(state.pose_world_tcp) < TILTED:
+            return
+        upright = Pose(now.position, state.pose_world_tcp.quaternion)
+        here, there = (replace(state, pose_world_tcp=pose, joints=None) for pose in (now, upright))
+        if any(motion.violations(here, there, may_tilt=True)):
+            return
+        robot.move_pose(upright, RETREAT_SPEED)
         yield from finish(blackboard)
         yield from settle(blackboard)
-        return f"put {name or 'what was just grasped'} down"
+
+    def _opening(self, blackboard: Blackboard, name: str | None) -> float:
+        """Largest opening, m, at which the fingers meet no other body."""
+        robot, most = blackboard.robot, blackboard.scene.arm.hand.opening
+        here = replace(blackboard.state, pose_world_tcp=robot.state.pose_world_tcp, joints=None)
+        around = name or here.object_at(here.pose_world_tcp)
+        for further in OPENINGS:
+            width = min(robot.state.width + further, most)
+            found = finger_collisions(here, width, around)
+            if not found:
+                return width
+        raise LeafFailure(f"the fingers cannot open: {found[0].message}: {STAYS}")
+
+    def _retreat(self, blackboard: Blackboard) -> Generator[float | None, None, bool]:
+        """Rise as far as the arm stays clear; False if it is not clear at all."""
+        robot = blackboard.robot
+        blackboard.set_out()
+        here = blackboard.state
+        for rise in RETREATS:
+            there = replace(here, pose_world_tcp=here.tcp.translate((0.0, 0.0, rise)))
+            if not any(motion.violations(here, there)):
+                break
+        else:
+            return False
+        blackboard.state = replace(here, activity="moving")
+        blackboard.set_reflex(robot.limits.reflexes.free)
+        robot.move_axis(-DOWN, RETREAT_SPEED, rise)
+        yield from finish(blackboard)
+        yield from settle(blackboard)
+        blackboard.state = replace(there, activity="still")
+        return True
 
     def _to_support(self, blackboard: Blackboard, name: str) -> Wait:
         """Lower the object onto a support; an object that was never lifted is on it already."""
@@ -221,7 +290,7 @@ def state_after_release(blackboard: Blackboard) -> SymbolicState:
         pose_tcp_object=None,
         lifted=False,
         contact=None,
-        activity="still",
+        activity="contact",
         moved=moved,
     )
 

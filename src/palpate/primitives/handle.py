@@ -160,6 +160,21 @@ class FindLimits(_Working):
         return f"'{name}' stops at {' and '.join(met)}"
 
 
+def return_fixture(blackboard: Blackboard) -> Wait:
+    """Move the held fixture slowly along its joint to where it was grasped.
+
+    Raises:
+        LeafFailure: it is stuck, or slipped out of the fingers.
+    """
+    state, name = before(blackboard)
+    joint = state.scene.body(name).joint
+    assert joint is not None
+    here = blackboard.robot.state.pose_world_tcp.position
+    way = Way(joint, state.tcp, float(joint.travels(state.tcp, here[None])[0]))
+    yield from _pass(blackboard, way, 0.0, SPEEDS[0], True)
+    yield from _bring_back(blackboard, way)
+
+
 def _sides(state: SymbolicState, name: str) -> list[float]:
     """Return the signs of the open limits, or of both, the farther one first: 1 upper, -1 lower."""
     joint = state.scene.body(name).joint

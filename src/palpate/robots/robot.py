@@ -136,8 +136,8 @@ class Robot(Protocol):
         """
         ...
 
-    def open_gripper(self) -> None:
-        """Start opening the fingers fully. `state.gripper_moving` until they have stopped."""
+    def open_gripper(self, width: float | None = None) -> None:
+        """Start opening the fingers to `width` m, or fully. `state.gripper_moving` until they have stopped."""
         ...
 
     def close_gripper(self, force: float | None = None) -> None:

@@ -128,8 +128,8 @@ class Watched:
     def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
         self._robot.turn_about(axis, point, angle, speed)
 
-    def open_gripper(self) -> None:
-        self._robot.open_gripper()
+    def open_gripper(self, width: float | None = None) -> None:
+        self._robot.open_gripper(width)
 
     def close_gripper(self, force: float | None = None) -> None:
         self._robot.close_gripper(force)

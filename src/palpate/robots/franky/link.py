@@ -80,10 +80,13 @@ class HandThread:
                 "the fingers), then run again"
             )
 
-    def open(self) -> None:
-        """Start opening fully."""
+    def open(self, width: float | None = None) -> None:
+        """Start opening to `width` m, or fully."""
         self._closed = False
-        self._start(lambda: self._gripper.open(self.speed))
+        if width is None or width >= self._sheet.opening:
+            self._start(lambda: self._gripper.open(self.speed))
+        else:
+            self._start(lambda: self._gripper.move(width, self.speed))
 
     def close(self, force: float | None) -> None:
         """Start closing with `force` N, by default the full force, until an object resists.

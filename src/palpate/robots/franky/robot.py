@@ -158,9 +158,9 @@ class FrankyRobot(Commanded):
 
         self._follow(course)
 
-    def open_gripper(self) -> None:
+    def open_gripper(self, width: float | None = None) -> None:
         if self._link.fault is None:
-            self._hand.open()
+            self._hand.open(width)
         self._cached = None
 
     def close_gripper(self, force: float | None = None) -> None:

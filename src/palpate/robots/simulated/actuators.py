@@ -284,9 +284,10 @@ class Gripper:
         """Test if the hand is closed on an object."""
         return self._goal == self._closed and not self.moving and self.width > NOTHING
 
-    def open(self, t: float) -> None:
-        """Start opening fully."""
-        self._start(t, self._open, self._strongest)
+    def open(self, t: float, width: float | None = None) -> None:
+        """Start opening to `width` m, or fully."""
+        half = self._open if width is None else min(0.5 * width, self._open)
+        self._start(t, half, self._strongest)
 
     def close(self, t: float, force: float | None = None) -> None:
         """Start closing with `force` N, by default the full force, until something resists."""

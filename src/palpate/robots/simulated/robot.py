@@ -185,8 +185,8 @@ class MujocoRobot(Commanded):
         t, begin, q = self._world.t, self._pose_begin(), self._readout.q
         self._follow_pose(*self._arc_path(t, begin, Arc(axis, point, angle), speed, q))
 
-    def open_gripper(self) -> None:
-        self._gripper.open(self._world.t)
+    def open_gripper(self, width: float | None = None) -> None:
+        self._gripper.open(self._world.t, width)
         self._world.limit_fingers(self._gripper.force)
         self._cached = None
 
