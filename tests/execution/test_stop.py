@@ -242,3 +242,113 @@ def test_a_thing_is_put_on_another_only_where_it_stood_on_it() -> None:
     assert unproven(state, "can", found) is None
     assert unproven(state, "can", found.translate((-0.04, 0, 0))) == "'plate' might tip under it"
     assert unproven(state, "can", found.translate((0, 0.2, -0.02))) is None
+
+
+def stopped(scene, world, steps, stop_when):
+    """The run of some steps until a stop, and its robot."""
+    begin = (leaf("MoveJoints", joints="home_config"), leaf("OpenGripper"))
+    plan = Plan((), Node("Sequence", (), (*begin, *steps)), "stop")
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, "none", seed=1)
+    done = run(plan, scene, robot, stop_requested=lambda: stop_when(robot))
+    robot.advance(1.0)
+    return done, robot
+
+
+CHEST = """<mujoco><worldbody><body name="chest" pos="0.6 0 0.05">
+<geom type="box" size="0.15 0.2 0.05"/><body name="lid" pos="0.14 0 0.06">
+<joint type="hinge" axis="0 1 0" range="0 86" damping="{lid}" frictionloss="{lid}"/>
+<geom type="box" size="0.12 0.15 0.008" pos="-0.13 0 0" mass="0.6"/>
+<geom type="box" size="0.012 0.014 0.02" pos="-0.2 0 0.03" mass="0.05"/></body></body>
+</worldbody></mujoco>"""
+DRAWER = """<mujoco><worldbody><body name="cabinet" pos="0.78 0 0">
+<geom type="box" size="0.05 0.2 0.1" pos="0.1 0 0.1"/><body name="lid" pos="-0.02 0 0.14">
+<joint type="slide" axis="-1 0 0" range="0 0.22" {lid}/>
+<geom type="box" size="0.008 0.17 0.1" pos="-0.148 0 0.02" mass="0.9"/>
+<geom type="box" size="0.014 0.014 0.02" pos="-0.205 0 0.05" mass="0.1"/></body></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("text", "believed", "true"),
+    [
+        (CHEST, "?", "0.05"),
+        (DRAWER, 'damping="?" frictionloss="?"', 'damping="2" frictionloss="1" stiffness="80"'),
+    ],
+    ids=["a lid", "a drawer with a spring"],
+)
+def test_a_stopped_fixture_goes_back_slowly_to_where_it_was_found(text, believed, true):
+    scene, world = parse_scene(text.format(lid=believed)), parse_scene(text.format(lid=true))
+    places = []
+
+    def is_moved(robot):
+        places.append((robot.state.t, robot.world.true_pose("lid")))
+        found = world.body("lid").pose_world
+        return found.distance_to(places[-1][1]) > 0.04 or found.angle_to(places[-1][1]) > 0.2
+
+    steps = [leaf("MovePose", pose=f"lid_pose{more}") for more in (" + z_offset", "")]
+    done, robot = stopped(scene, world, [*steps, leaf("MoveHandle")], is_moved)
+    assert done.stopped_by == "stop requested"
+    assert done.held == HeldObject("lid", "put down")
+    assert not robot.state.gripping
+    found, now = world.body("lid").pose_world, robot.world.true_pose("lid")
+    assert found.distance_to(now) < 0.001
+    assert found.angle_to(now) < 0.005
+    # The last leaf is the stop: the fixture moves all the way while the fingers have it.
+    stop = done.trace.leaves[-1]
+    handle = done.trace.samples
+    rows = (handle.t > stop.start) & (handle.width < 0.035)
+    way = np.ptp(handle.pose_world_tcp[rows, :3], axis=0)
+    assert np.linalg.norm(way) > 0.03
+    assert np.abs(handle.twist[rows, :3]).max() < 0.1
+
+
+BESIDE = """<body name="peg" pos="{x:.3f} -0.1 {z}"><freejoint/>
+<geom type="cylinder" size="0.008 {half}" mass="0.03"/></body>"""
+
+
+@pytest.mark.parametrize(
+    ("gap", "half", "width", "reason"),
+    [
+        (0.036, 0.04, 0.059, None),
+        (0.024, 0.04, 0.039, "the fingers cannot open"),
+        (0.018, 0.035, 0.039, "cannot be put down here, on the way to"),
+    ],
+)
+def test_a_stop_hits_no_neighbour(gap, half, width, reason):
+    """The fingers open less, or stay closed; the cup is lowered only where the way is clear."""
+    peg = BESIDE.format(x=0.5 + 0.02 + gap + 0.008, z=0.1 + half, half=half)
+    scene = parse_scene(CELL.format(cup='friction="0.6 0.005 0.0001"', more=peg))
+    world = parse_scene(CELL.format(cup='mass="0.3"', more=peg))
+    resolve = scene.symbols.resolve
+    aside = (resolve("cup_pose + x_offset").position - resolve("cup_pose").position)[1]
+    there = f"{-0.2 / aside:.4f}*x_offset"
+    up = "cup_pose + z_offset"
+    poses = [up, "cup_pose", f"{up} + {there}", f"cup_pose + 0.05*z_offset + {there}"]
+    moves = [leaf("MovePose", pose=pose) for pose in poses]
+    steps = [*moves[:2], leaf("CloseGripper"), moves[0], *moves[2:]]
+
+    def is_there(robot):
+        _, y, z = robot.state.pose_world_tcp.position
+        return robot.state.gripping and abs(y + 0.1) < 0.005 and z < 0.19
+
+    done, robot = stopped(scene, world, steps, is_there)
+    assert done.status == "stopped"
+    assert (reason or "put cup down") in done.trace.leaves[-1].message
+    assert (done.held.became == "put down") == (reason is None)
+    assert robot.state.width == pytest.approx(width, abs=0.001)
+    assert robot.world.true_pose("peg").distance_to(world.body("peg").pose_world) < 0.001
+    assert robot.world.true_pose("cup").rotation[2, 2] > 0.999
+
+
+def test_a_tilted_object_is_upright_before_it_is_put_down():
+    world = parse_scene(CELL.format(cup='mass="0.3"', more=""))
+
+    def is_tilted(robot):
+        return robot.world.true_pose("cup").rotation[2, 2] < np.cos(np.radians(20.0))
+
+    poses = ("cup_pose + z_offset", "cup_pose")
+    above, there = (leaf("MovePose", pose=pose) for pose in poses)
+    steps = (above, there, leaf("CloseGripper"), above, leaf("Tilt"))
+    done, robot = stopped(SCENE, world, steps, is_tilted)
+    assert done.held == HeldObject("cup", "put down")
+    assert displacement(robot) < 0.002

@@ -25,6 +25,7 @@ from palpate.primitives.gripper import finish_fingers
 from palpate.primitives.guarding import DOWN, WrenchFilter, finish, settle, wait_for_contact
 from palpate.primitives.handle import return_fixture
 from palpate.primitives.load import UNFELT
+from palpate.primitives.motion import state_at_rest
 from palpate.primitives.rules import motion
 from palpate.primitives.rules.collision import finger_collisions
 from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR
@@ -107,7 +108,7 @@ class PutDown(Primitive):
     def run(self, blackboard: Blackboard) -> Steps:
         robot, name = blackboard.robot, blackboard.state.holding
         blackboard.set_reflex(robot.limits.reflexes.contact)
-        if name in blackboard.scene.fixtures:
+        if name is not None and name in blackboard.scene.fixtures:
             yield from self._back_to_rest(blackboard, name)
         elif name is not None:
             yield from self._turn_back(blackboard)
@@ -136,7 +137,7 @@ class PutDown(Primitive):
         if state.pose_world_tcp is None or now.angle_to(state.pose_world_tcp) < TILTED:
             return
         upright = Pose(now.position, state.pose_world_tcp.quaternion)
-        here, there = (replace(state, pose_world_tcp=pose, joints=None) for pose in (now, upright))
+        here, there = (state_at_rest(state, state.at, pose) for pose in (now, upright))
         if any(motion.violations(here, there, may_tilt=True)):
             return
         robot.move_pose(upright, RETREAT_SPEED)
@@ -147,13 +148,16 @@ class PutDown(Primitive):
         """Largest opening, m, at which the fingers meet no other body."""
         robot, most = blackboard.robot, blackboard.scene.arm.hand.opening
         here = replace(blackboard.state, pose_world_tcp=robot.state.pose_world_tcp, joints=None)
-        around = name or here.object_at(here.pose_world_tcp)
+        between = here.object_at(here.pose_world_tcp)
+        around = name or (between.name if between else None)
+        reason = ""
         for further in OPENINGS:
             width = min(robot.state.width + further, most)
             found = finger_collisions(here, width, around)
             if not found:
                 return width
-        raise LeafFailure(f"the fingers cannot open: {found[0].message}: {STAYS}")
+            reason = found[0].message.partition(";")[0]
+        raise LeafFailure(f"the fingers cannot open, {reason}: {STAYS}")
 
     def _retreat(self, blackboard: Blackboard) -> Generator[float | None, None, bool]:
         """Rise as far as the arm stays clear; False if it is not clear at all."""
@@ -161,7 +165,7 @@ class PutDown(Primitive):
         blackboard.set_out()
         here = blackboard.state
         for rise in RETREATS:
-            there = replace(here, pose_world_tcp=here.tcp.translate((0.0, 0.0, rise)))
+            there = state_at_rest(here, None, here.tcp.translate((0.0, 0.0, rise)))
             if not any(motion.violations(here, there)):
                 break
         else:
@@ -171,7 +175,7 @@ class PutDown(Primitive):
         robot.move_axis(-DOWN, RETREAT_SPEED, rise)
         yield from finish(blackboard)
         yield from settle(blackboard)
-        blackboard.state = replace(there, activity="still")
+        blackboard.state = there
         return True
 
     def _to_support(self, blackboard: Blackboard, name: str) -> Wait:
@@ -180,7 +184,7 @@ class PutDown(Primitive):
         # The place where the object would stand, straight below.
         gap = footing(state, name, held).gap
         place = held.translate((0.0, 0.0, -gap)) if np.isfinite(gap) else held
-        if reason := unproven(state, name, place):
+        if reason := unproven(state, name, place) or self._in_the_way(blackboard, place):
             raise LeafFailure(f"'{name}' cannot be put down here, {reason}: {STAYS}")
         # Without a grasp pose, `lifted` alone decides if the object is on its support.
         height = 0.0
@@ -189,6 +193,16 @@ class PutDown(Primitive):
             height = float(tcp.position[2] - state.resolve(state.grasp).position[2])
         if state.lifted or height > AT_GRASP:
             yield from self._lower(blackboard, name, place)
+
+    def _in_the_way(self, blackboard: Blackboard, place: Pose) -> str | None:
+        """Obstacle on the way down to `place` of the object; None if the way is clear."""
+        state, held = blackboard.state, blackboard.state.pose_tcp_object
+        if held is None:
+            return None
+        here = state_at_rest(state, state.at, blackboard.robot.state.pose_world_tcp)
+        there = state_at_rest(here, state.at, place @ held.inverse())
+        found = next(motion.violations(here, there, may_tilt=True), None)
+        return None if found is None else found.message.partition(";")[0]
 
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Wait:
         """Move down until the support carries the object.

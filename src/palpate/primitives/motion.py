@@ -153,7 +153,9 @@ class MovePose(Primitive):
     def effects(self, state: SymbolicState) -> SymbolicState:
         target = self.target(state)
         early = _early(state, target)
-        return _at_rest(state, self.pose, target.translate((0.0, 0.0, early)) if early else target)
+        return state_at_rest(
+            state, self.pose, target.translate((0.0, 0.0, early)) if early else target
+        )
 
     def expectation(self, state: SymbolicState) -> Expectation:
         held = state.holding is not None
@@ -284,7 +286,7 @@ class MoveJoints(Primitive):
         name = self.joints if isinstance(self.joints, str) else None
         joints = self.target(state)
         pose = pose_of_joints(state.scene, joints)
-        return replace(_at_rest(state, name, pose), joints=joints, activity="still")
+        return replace(state_at_rest(state, name, pose), joints=joints, activity="still")
 
     def expectation(self, state: SymbolicState) -> Expectation:
         return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
@@ -309,7 +311,7 @@ def _early(state: SymbolicState, target: Pose) -> float:
     return met_early(state, name, target @ held) if is_vertical(start, target) else 0.0
 
 
-def _at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:
+def state_at_rest(state: SymbolicState, at: str | None, target: Pose) -> SymbolicState:
     """The state at rest with the TCP, and the held object, at a pose."""
     there = replace(
         state, at=at, pose_world_tcp=target, joints=None, contact=None, activity="still"
