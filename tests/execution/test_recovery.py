@@ -11,9 +11,9 @@ import pytest
 
 from palpate.common.errors import Unavailable
 from palpate.common.parameter import Parameter
-from palpate.execution import recovery
+from palpate.execution import recovery, rehearsal
 from palpate.execution.recovery import ATTEMPTS, OnFailure, failed_at, recover, replan, resumable
-from palpate.execution.rehearsal import rehearse
+from palpate.execution.rehearsal import Rehearsal, rehearse
 from palpate.execution.runner import Execution, run
 from palpate.execution.simulated_cell import SimulatedCell
 from palpate.planning.plan import Node, Plan
@@ -22,6 +22,7 @@ from palpate.primitives.base import Blackboard, LeafFailure, Primitive, Steps
 from palpate.primitives.registry import Vocabulary, vocabulary
 from palpate.robots.owner import load_description
 from palpate.runs import pipeline
+from palpate.runs.executing import perform
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene, rearrange
@@ -121,6 +122,26 @@ def test_a_further_plan_that_fails_its_check_is_none(
     made = replace(assemble(scene, BOTH), tree=astray)
     monkeypatch.setattr(recovery, "assemble", lambda *_: made)
     assert replan(BOTH, scene, "symbolic") is None
+
+
+@pytest.mark.parametrize(("failure", "attempts"), [(None, {"", "replan[1]"}), ("drops", {""})])
+def test_a_further_plan_is_rehearsed_where_the_first_one_was(
+    scene: Scene, monkeypatch: pytest.MonkeyPatch, failure: str | None, attempts: set[str]
+) -> None:
+    rehearsed: list[Plan] = []
+
+    def predicted(plan: Plan, scene: Scene) -> Rehearsal:
+        rehearsed.append(plan)
+        return Rehearsal(1, 1.0, 0.0, failure)
+
+    monkeypatch.setattr(rehearsal, "rehearse", predicted)
+    robot = SimulatedCell(parse_scene(WORLD), noise="lab").robot()
+    done = perform(planned(scene, *BOTH), scene, robot, on_failure="skip", is_rehearsed=True)
+    (plan,) = rehearsed
+    assert plan.parameters == BOTH[1:]
+    begun = {leaf.node.partition("tree")[0].strip(".") for leaf in done.trace.leaves}
+    assert begun - {"stop"} == attempts
+    assert measured(done) == ({"dry"} if failure is None else set())
 
 
 @pytest.mark.long

@@ -34,6 +34,8 @@ log = logging.getLogger(__name__)
 
 OnFailure = Literal["stop", "skip", "replan"]
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
+MayRun = Callable[[Plan, Scene], bool]
+"""Test of a further plan before it moves the robot, for example by a rehearsal."""
 Resume = Callable[[str], bool]
 """Question to a person, with the reason of a real robot's stop; True means continue."""
 ATTEMPTS = {"stop": 0, "skip": 1, "replan": 3}
@@ -45,6 +47,11 @@ def nobody(_: str) -> bool:
     return False
 
 
+def anyway(_: Plan, __: Scene) -> bool:
+    """Answer without a rehearsal: a checked plan may run."""
+    return True
+
+
 def recover(
     first: Execution,
     plan: Plan,
@@ -54,8 +61,9 @@ def recover(
     run: Runner,
     real: bool = False,
     may_resume: Resume = nobody,
+    may_run: MayRun = anyway,
 ) -> Execution:
-    """The execution joined with all further attempts that the policy allows.
+    """The execution joined with all further attempts that the policy and `may_run` allow.
 
     With a `real` robot, `may_resume` is asked after the robot stopped itself.
     """
@@ -84,13 +92,13 @@ def recover(
             state = done.final_state
             around = rearrange(state.scene, state.elsewhere())
             again = replan(rest, around, f"{plan.planner}, {policy}")
+            if again is None or not may_run(again, around):
+                break
         except Exception as error:
             # A failed planning does not lose the result so far.
             log.warning(
                 "no further attempt, planning it failed: %s: %s", type(error).__name__, error
             )
-            break
-        if again is None:
             break
         now = again
         done = join_executions(done, run(now, around, robot), f"replan[{attempt + 1}].")
@@ -244,8 +252,9 @@ def repeat(
     within: Within,
     run: Runner,
     say: Callable[[str], None],
+    may_run: MayRun = anyway,
 ) -> Execution:
-    """The execution joined with all further rounds that `within` requires.
+    """The execution joined with all further rounds that `within` requires and `may_run` allows.
 
     `say` shows the purpose of each round.
     """
@@ -268,7 +277,7 @@ def repeat(
         # Slides of every other round begin on the opposite side: a dragged object lags behind the hand.
         efforts = efforts_for(lacking, scene, done, so_far)
         again = plan_again(efforts, done, plan.planner, mirrored=count % 2 == 1)
-        if again is None:
+        if again is None or not may_run(*again):
             break
         for parameter, effort in efforts.items():
             so_far[parameter] += effort.times

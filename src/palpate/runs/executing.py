@@ -222,6 +222,7 @@ def execute(
         real=not cell.simulated,
         settled=keep_state if made.rehearsal is None else made.rehearsal.foresight.settled,
         see=see,
+        is_rehearsed=made.rehearsal is not None,
     )
     # Keep everything that later stages need, and the earlier setbacks.
     ending = Ending.of(done)
@@ -252,6 +253,7 @@ def perform(
     settled: Settled = keep_state,
     see: See | None = None,
     tick_period: float | None = None,
+    is_rehearsed: bool = False,
 ) -> Execution:
     """Run the tree on the robot, and close the robot in any case.
 
@@ -269,8 +271,9 @@ def perform(
             rehearsal.
         see: looks at the scene after motions; a displaced object ends the run.
         tick_period: s of robot time between two ticks; the runner's by default.
+        is_rehearsed: the plan was rehearsed, so that further plans are rehearsed, too.
     """
-    from palpate.execution.recovery import recover, repeat
+    from palpate.execution.recovery import anyway, recover, repeat
     from palpate.execution.runner import TICK_PERIOD
     from palpate.execution.runner import run as run_tree
 
@@ -283,6 +286,7 @@ def perform(
         settled=watch_state(keep_state, see),
         tick_period=tick_period or TICK_PERIOD,
     )
+    may_run = partial(_is_harmless, say=callbacks.progress) if is_rehearsed else anyway
     try:
         # Execute, recover from failures by the policy, then repeat measurements that are too
         # uncertain.
@@ -296,10 +300,18 @@ def perform(
             run=attempt,
             real=real,
             may_resume=callbacks.may_resume,
+            may_run=may_run,
         )
         if within:
             done = repeat(
-                done, plan, scene, robot, within=within, run=attempt, say=callbacks.progress
+                done,
+                plan,
+                scene,
+                robot,
+                within=within,
+                run=attempt,
+                say=callbacks.progress,
+                may_run=may_run,
             )
         return done
     finally:
@@ -330,3 +342,14 @@ def cut_off(made: Run) -> Run:
         wall_seconds=0.0,
     )
     return replace(made, execution=ending, recorded=trace)
+
+
+def _is_harmless(plan: Plan, scene: Scene, say: Callable[[str], None]) -> bool:
+    """Rehearse a further plan, while the robot rests; False if it fails in simulation."""
+    from palpate.execution.rehearsal import rehearse
+
+    say("rehearsing what follows")
+    finding = rehearse(plan, scene).finding
+    if finding is not None:
+        log.warning("no further attempt: %s", finding.message)
+    return finding is None
