@@ -10,12 +10,11 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
-from palpate import pipeline
-from palpate.estimation.estimate import rounded
-from palpate.pictures.film import frames_of
-from palpate.pictures.renderer import Painter, Pixels, framing
+from palpate.estimation.estimate import round_to_std
+from palpate.perception.renderer import Painter, Pixels, framing
+from palpate.runs import pipeline, planning
 from palpate.runs.run import Run
-from palpate.scenarios.catalogue import FIRST, scenario
+from palpate.studies.scenarios.catalogue import FIRST, scenario
 from palpate.trace.recording import LeafRun
 
 FILE = Path(__file__).with_suffix(".webp")
@@ -37,7 +36,7 @@ ASKED = {"table height": "table.height", "bottle mass": "bottle.mass"}
 def main() -> None:
     """Run the scenario and write the animation."""
     settings = scenario(FIRST).settings(seed=0, fast=True)
-    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    run = pipeline.measure(planning.plan(settings, planning.load(settings)))
     first, *others = [Image.fromarray(pixels) for pixels in _frames(run)]
     times = [1000 / FPS] * len(others) + [HOLD * 1000]
     times = [round(time) for time in times]
@@ -48,7 +47,7 @@ def main() -> None:
 def _frames(run: Run) -> Iterator[Pixels]:
     assert run.footage is not None
     assert run.trace is not None
-    t, qpos = frames_of(run.footage.frames)
+    t, qpos = map(np.array, zip(*run.footage.frames, strict=True))
     model = run.footage.drawn()
     data = mujoco.MjData(model)
     with Painter(model, *SIZE) as painter:
@@ -90,7 +89,7 @@ def _known(run: Run, name: str, parameter: str, now: float) -> tuple[str, str]:
     assert run.trace is not None
     if np.isinf(now):
         found = next(e for e in run.estimates if str(e.parameter) == parameter)
-        value = " ± ".join(rounded(found.values[0], found.stds[0]))
+        value = " ± ".join(round_to_std(found.values[0], found.stds[0]))
         truth = f"truth {run.truth[found.parameter][0]:g} {found.unit}, looked up last"
         return f"{value} {found.unit}", truth
     for leaf in run.trace.leaves:
