@@ -23,3 +23,6 @@ def least_squares(
     f_scale: float = 1.0,
     max_nfev: int | None = None,
 ) -> OptimizeResult: ...
+def linear_sum_assignment(
+    cost_matrix: ArrayLike, maximize: bool = False
+) -> tuple[NDArray[np.intp], NDArray[np.intp]]: ...

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable
 from dataclasses import replace
 from functools import cache
@@ -124,6 +125,84 @@ def test_a_wrong_recording_fails_with_its_cause(wrong: str) -> None:
     assert "another arm (arm=NAME" in found.finding
 
 
+def of_joint(log: ArmLog, joint: int, torques: np.ndarray) -> ArmLog:
+    """A recording with other torques (n,) of one joint."""
+    return replace(log, tau=np.where(np.arange(7) == joint - 1, torques[:, None], log.tau))
+
+
+def exchanged(log: ArmLog, order: list[int], *signals: str) -> ArmLog:
+    """A recording with the columns of some signals in another order."""
+    columns = np.array(order) - 1
+    return replace(log, **{name: getattr(log, name)[:, columns] for name in signals})
+
+
+FREEZES: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "zero": lambda tau: 0.0 * tau,
+    "constant": lambda tau: 0.0 * tau + 0.7,
+    "from the middle on": lambda tau: np.where(np.arange(len(tau)) < 1000, tau, tau[1000]),
+}
+
+
+@pytest.mark.parametrize("joint", [2, 5, 7])
+@pytest.mark.parametrize("kind", FREEZES)
+def test_a_frozen_torque_is_refused(kind: str, joint: int) -> None:
+    log = upright()
+    frozen = of_joint(log, joint, FREEZES[kind](log.tau[:, joint - 1]))
+    with pytest.raises(InputError, match=f"the torque of joint {joint} stays at .* is dead"):
+        explained_upright(frozen, FR3)
+
+
+@pytest.mark.parametrize("joint", [2, 5, 7])
+def test_a_torque_of_mere_noise_fails(joint: int) -> None:
+    noise = 0.02 * np.random.default_rng(0).normal(size=2000)
+    found = explained_upright(of_joint(upright(), joint, noise), FR3)
+    assert found.statistic > 2.0
+    assert f"the torque of joint {joint} varies by" in found.finding
+
+
+ORDERS: dict[str, tuple[list[int], tuple[str, ...], str]] = {
+    "torques of 5 and 7": ([1, 2, 3, 4, 7, 6, 5], ("tau",), "torques logged for joints 5, 7"),
+    "torques of 6 and 7": ([1, 2, 3, 4, 5, 7, 6], ("tau",), "torques logged for joints 6, 7"),
+    "torques of three": ([1, 2, 3, 4, 7, 5, 6], ("tau",), "5, 6, 7 are those of joints 7, 5, 6"),
+    "angles of 5 and 7": ([1, 2, 3, 4, 7, 6, 5], ("q", "dq"), "angles logged for joints 5, 7"),
+}
+
+
+@pytest.mark.parametrize("case", ORDERS)
+def test_exchanged_joints_fail(case: str) -> None:
+    order, signals, named = ORDERS[case]
+    found = explained_upright(exchanged(upright(), order, *signals), FR3)
+    assert found.statistic > 1.5
+    assert named in found.finding
+
+
+def test_angles_without_their_velocities_are_refused() -> None:
+    log = exchanged(upright(), [1, 2, 3, 4, 7, 6, 5], "q")
+    with pytest.raises(InputError, match=r"the velocities of joint 5 are .* the change of the"):
+        explained_upright(log, FR3)
+
+
+@pytest.mark.parametrize("joint", [2, 5])
+def test_a_joint_of_the_opposite_sign_fails(joint: int) -> None:
+    log = upright(seconds=16.0)
+    found = explained_upright(of_joint(log, joint, -log.tau[:, joint - 1]), FR3)
+    assert f"torques of joint {joint} have the opposite sign" in found.finding
+
+
+@pytest.mark.parametrize("mass", [0.5, 2.0])
+def test_a_load_in_a_part_of_the_recording_fails(mass: float) -> None:
+    empty, loaded = upright(), upright(hand=HAND + mass)
+    later = (empty.t > 4.0)[:, None]
+    found = explained_upright(replace(empty, tau=np.where(later, loaded.tau, empty.tau)), FR3)
+    assert not found.passed
+    masses = re.search(r"in 4 equal parts (.*) kg", found.finding)
+    assert masses is not None
+    expected = np.array([0.0, 0.0, mass, mass])
+    assert np.array(masses[1].split(", "), dtype=float) == pytest.approx(
+        expected, rel=0.1, abs=0.05
+    )
+
+
 def test_a_hanging_arm_explains_its_recording_where_that_is_stated() -> None:
     log, up = recorded(FR3, HAND, 8.0, gravity=(0.0, 0.0, 9.81)), np.array([0.0, 0.0, 9.81])
     every = np.ones(len(log), dtype=bool)
@@ -167,6 +246,11 @@ def test_real_arms_explain_their_recordings(name: str) -> None:
     seconds = round(len(log) / log.t[-1])
     for start in (0, 3 * seconds, 6 * seconds):
         assert explained_upright(part(log, start, start + 3 * seconds), FR3).statistic < 0.2
+    # Exchanged torques and a dead column of its wrist are named.
+    swapped = exchanged(log, [1, 2, 3, 4, 5, 7, 6], "tau")
+    assert "torques logged for joints 6, 7" in explained_upright(swapped, FR3).finding
+    with pytest.raises(InputError, match="the torque of joint 7 stays at"):
+        explained_upright(of_joint(log, 7, 0.0 * log.t), FR3)
     # Its wrist bends further than an iiwa's.
     with pytest.raises(InputError, match="'iiwa14' turns it from"):
         explained_upright(log, IIWA)
