@@ -10,10 +10,11 @@ import numpy as np
 from palpate.common.errors import ExecutionAborted
 from palpate.common.pose import Array, Pose
 from palpate.robots.description import PREFIX, RobotDescription
-from palpate.robots.simulated.actuators import LAG, STANDSTILL, SpringGains
+from palpate.robots.simulated.actuators import LAG, STANDSTILL
 from palpate.robots.simulated.noise.true_arm import TrueArm
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
+from palpate.robots.springs import SpringGains
 
 
 class Plant(World):

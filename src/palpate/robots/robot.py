@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import Protocol, runtime_checkable
@@ -265,6 +265,13 @@ class Arc:
         )
 
 
+PoseStart = tuple[MotionState, Array]
+"""Start of a Cartesian motion, and the orientation (4,) that its rotation vector is relative to."""
+PoseMaker = Callable[[float, PoseStart, Array], tuple[PosePath, PositionPath | None]]
+"""Makes a Cartesian motion from its time, s, its start, and the joint positions (7,), rad. The second path is
+that of the null space; None for a posture that stays."""
+
+
 class Commanded:
     """Base class of robots: members of `Robot` that do not depend on the controller."""
 
@@ -285,16 +292,32 @@ class Commanded:
         return self._gravity
 
     def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        raise NotImplementedError
+        self._start(lambda t, begin, q: self._pose_path(t, begin, target, speed, slower, q))
+
+    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
+        amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
+
+        def make(t: float, begin: PoseStart, _: Array) -> tuple[PosePath, None]:
+            now, origin = begin
+            return PosePath(swing(t, now, amplitude, frequency, cycles), origin), None
+
+        self._start(make)
+
+    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
+        arc = Arc(axis, point, angle)
+        self._start(lambda t, begin, q: self._arc_path(t, begin, arc, speed, q))
 
     def move_axis(self, direction: Array, speed: float, travel: float) -> None:
         now, origin = self._pose_begin()
         way = travel * np.asarray(direction, dtype=float)
         self.move_pose(Pose(now.p[:3] + way, origin), speed)
 
-    def _pose_begin(self) -> tuple[MotionState, Array]:
-        """Return the start of a Cartesian motion now, and the orientation (4,) that its rotation
-        vector is relative to."""
+    def _start(self, make: PoseMaker) -> None:
+        """Start a Cartesian motion."""
+        raise NotImplementedError
+
+    def _pose_begin(self) -> PoseStart:
+        """Return the start of a Cartesian motion now."""
         raise NotImplementedError
 
     def _joint_path(self, t: float, now: MotionState, goal: Array, speed: float) -> PositionPath:
@@ -311,7 +334,7 @@ class Commanded:
     def _pose_path(
         self,
         t: float,
-        begin: tuple[MotionState, Array],
+        begin: PoseStart,
         target: Pose,
         speed: float,
         slower: Sequence[Stretch],
@@ -344,7 +367,7 @@ class Commanded:
         return PosePath(path, origin), straight(t, resting, bent, parts, acceleration)
 
     def _arc_path(
-        self, t: float, begin: tuple[MotionState, Array], arc: Arc, speed: float, q: Array
+        self, t: float, begin: PoseStart, arc: Arc, speed: float, q: Array
     ) -> tuple[PosePath, PositionPath]:
         """Move the pose along an arc, as `_pose_path` and with the same limits."""
         (now, origin), pace = begin, self._arm.pace
@@ -377,14 +400,12 @@ class Commanded:
         """Stop a joint motion with onward motion."""
         return stop(t, now, self._arm.pace.joint_acceleration)
 
-    def _stopped_pose(self, t: float, begin: tuple[MotionState, Array]) -> PosePath:
+    def _stopped_pose(self, t: float, begin: PoseStart) -> PosePath:
         """Stop a Cartesian motion with onward motion; a contact keeps its force."""
         now, origin = begin
         return PosePath(stop(t, now, 2 * self._arm.pace.acceleration, GIVING_WAY), origin)
 
-    def _ahead_of(
-        self, pose: Pose, jacobian: Array, torque: Array, twist: Array
-    ) -> tuple[MotionState, Array]:
+    def _ahead_of(self, pose: Pose, jacobian: Array, torque: Array, twist: Array) -> PoseStart:
         """Compute the equilibrium at which the TCP's springs exert the joint torques `torque` (7,), N m.
 
         It applies from the first step of a motion at `twist` (6,). Return also its reference orientation.
@@ -401,17 +422,3 @@ class Commanded:
             np.zeros(6),
         )
         return now, origin
-
-
-def swing_path(
-    t: float,
-    begin: tuple[MotionState, Array],
-    about: Array,
-    angle: float,
-    frequency: float,
-    cycles: int,
-) -> PosePath:
-    """Swing about the unit axis `about` (3,) of the tool; see `Robot.swing`."""
-    now, origin = begin
-    amplitude = np.concatenate([np.zeros(3), angle * np.asarray(about, dtype=float)])
-    return PosePath(swing(t, now, amplitude, frequency, cycles), origin)

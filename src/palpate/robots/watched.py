@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
 
-from palpate.common.pose import Array, Pose
+from palpate.common.pose import Array
 from palpate.robots.description import Limits, RobotDescription
 from palpate.robots.robot import Robot, RobotState, RunsOn
-from palpate.robots.sheet import Reflex
 from palpate.robots.signals import (
     Clock,
     Constancy,
@@ -23,8 +22,6 @@ from palpate.robots.signals import (
     pose_jumps,
     wrong_width,
 )
-from palpate.robots.trajectory import Stretch
-from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples
 
 DISAGREEMENT, AGREED = 0.03, 0.1
@@ -57,23 +54,21 @@ class Watched:
         self._advanced = True
         self._seen: RobotState | None = None
         self._shown: RobotState | None = None
+        # Properties of the arm, and commands, pass unchanged.
+        self.limits, self.hand, self.gravity = robot.limits, robot.hand, robot.gravity
+        self.move_joints, self.move_pose, self.move_axis = (
+            robot.move_joints,
+            robot.move_pose,
+            robot.move_axis,
+        )
+        self.swing, self.turn_about, self.hold = robot.swing, robot.turn_about, robot.hold
+        self.open_gripper, self.close_gripper = robot.open_gripper, robot.close_gripper
+        self.set_reflex, self.close = robot.set_reflex, robot.close
 
     @property
     def fault(self) -> Fault | None:
         """Fault of the signals; None while they are sound."""
         return self._watch.fault
-
-    @property
-    def limits(self) -> Limits:
-        return self._robot.limits
-
-    @property
-    def hand(self) -> NominalHand:
-        return self._robot.hand
-
-    @property
-    def gravity(self) -> float:
-        return self._robot.gravity
 
     @property
     def state(self) -> RobotState:
@@ -112,36 +107,6 @@ class Watched:
         if self._watch.fault is not known:
             self._shown = None
         return samples
-
-    def move_joints(self, q: Array, speed: float = 1.0) -> None:
-        self._robot.move_joints(q, speed)
-
-    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        self._robot.move_pose(target, speed, slower)
-
-    def move_axis(self, direction: Array, speed: float, travel: float) -> None:
-        self._robot.move_axis(direction, speed, travel)
-
-    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        self._robot.swing(about, angle, frequency, cycles)
-
-    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
-        self._robot.turn_about(axis, point, angle, speed)
-
-    def open_gripper(self, width: float | None = None) -> None:
-        self._robot.open_gripper(width)
-
-    def close_gripper(self, force: float | None = None) -> None:
-        self._robot.close_gripper(force)
-
-    def hold(self) -> None:
-        self._robot.hold()
-
-    def set_reflex(self, thresholds: Reflex) -> None:
-        self._robot.set_reflex(thresholds)
-
-    def close(self) -> None:
-        self._robot.close()
 
 
 class SignalWatch:

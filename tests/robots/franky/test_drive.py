@@ -19,7 +19,7 @@ from palpate.robots.franky import drive as course
 from palpate.robots.franky.drive import CYCLE, Drive, joint_course, pose_course
 from palpate.robots.franky.robot import FrankyRobot
 from palpate.robots.sheet import Reflex
-from palpate.robots.simulated.actuators import SpringInertia
+from palpate.robots.springs import SpringInertia
 from palpate.robots.trajectory import MotionState, PosePath, Stretch, straight
 
 ASKEW = Pose.of((0.0, 0.0, 0.0), (np.cos(0.3), np.sin(0.3), 0.0, 0.0))

@@ -8,8 +8,8 @@ import pytest
 
 from palpate.common.pose import Array, Pose
 from palpate.robots.owner import load_description
-from palpate.robots.simulated.actuators import Swivel
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.robots.springs import Swivel
 
 ARM = load_description()
 TICK = 0.02

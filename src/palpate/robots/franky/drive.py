@@ -15,7 +15,7 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.franky.control_box import franky
 from palpate.robots.nominal import NominalArm
 from palpate.robots.sheet import ControllerStiffness, Reflex
-from palpate.robots.simulated.actuators import POSTURE_RATE, SpringGains, SpringInertia
+from palpate.robots.springs import POSTURE_RATE, SpringGains, SpringInertia
 from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
 
 CYCLE = 0.001  # s of a control cycle

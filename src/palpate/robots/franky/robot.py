@@ -21,10 +21,10 @@ from palpate.robots.franky.session import (
     require_end_effector,
 )
 from palpate.robots.nominal import NominalArm, explain_torque
-from palpate.robots.robot import Arc, Commanded, RobotState, swing_path
+from palpate.robots.robot import Commanded, PoseMaker, PoseStart, RobotState
 from palpate.robots.sheet import Reflex
-from palpate.robots.simulated.actuators import SpringInertia
-from palpate.robots.trajectory import MotionState, PosePath, PositionPath, Stretch
+from palpate.robots.springs import SpringInertia
+from palpate.robots.trajectory import MotionState, PosePath, PositionPath
 from palpate.trace.samples import Samples
 
 APPROACH = 0.25
@@ -131,33 +131,6 @@ class FrankyRobot(Commanded):
 
         self._follow(course)
 
-    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-
-        def course(before: Course | None, clock: float) -> Course:
-            begin, q = self._pose_motion(before, clock), self._readout.q
-            path, posture = self._pose_path(0.0, begin, target, speed, slower, q)
-            return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
-
-        self._follow(course)
-
-    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-
-        def course(before: Course | None, clock: float) -> Course:
-            begin = self._pose_motion(before, clock)
-            path = swing_path(0.0, begin, about, angle, frequency, cycles)
-            return pose_course(path, self._posture(before), self._base)
-
-        self._follow(course)
-
-    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
-
-        def course(before: Course | None, clock: float) -> Course:
-            begin, q = self._pose_motion(before, clock), self._readout.q
-            path, posture = self._arc_path(0.0, begin, Arc(axis, point, angle), speed, q)
-            return pose_course(path, posture.sample(posture.knots[-1:])[0], self._base)
-
-        self._follow(course)
-
     def open_gripper(self, width: float | None = None) -> None:
         if self._link.fault is None:
             self._hand.open(width)
@@ -226,11 +199,22 @@ class FrankyRobot(Commanded):
         self._hand.end()
         self._session.close(self._link.lost)
 
-    def _pose_begin(self) -> tuple[MotionState, Array]:
+    def _start(self, make: PoseMaker) -> None:
+
+        def course(before: Course | None, clock: float) -> Course:
+            begin = self._pose_motion(before, clock)
+            path, posture = make(0.0, begin, self._readout.q)
+            # franky's posture task takes the goal of the null space alone.
+            goal = self._posture(before) if posture is None else posture.at(posture.end).p
+            return pose_course(path, goal, self._base)
+
+        self._follow(course)
+
+    def _pose_begin(self) -> PoseStart:
         return self._pose_motion(self._drive.course, self._drive.clock)
 
-    def _pose_motion(self, before: Course | None, clock: float) -> tuple[MotionState, Array]:
-        """Return the start of a Cartesian motion, and its reference orientation (4,).
+    def _pose_motion(self, before: Course | None, clock: float) -> PoseStart:
+        """Return the start of a Cartesian motion.
 
         The start is the state of the course `before`, or set-points at which the TCP's springs exert the
         torques that the joints' springs exert now.

@@ -16,8 +16,8 @@ import numpy as np
 from palpate.common.pose import Array
 from palpate.robots.nominal import RIDGE, explain_torque, force_of
 from palpate.robots.sheet import Reflex
-from palpate.robots.simulated.actuators import SpringGains
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
+from palpate.robots.springs import SpringGains
 
 OBSERVER_TIME = 0.005
 """s: time constant of the observer. Franka states that its arms detect a collision within 2 ms (Panda

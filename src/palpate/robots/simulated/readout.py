@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
-from palpate.robots.simulated.actuators import SpringGains, Swivel
 from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
 from palpate.robots.simulated.world import Steps
+from palpate.robots.springs import SpringGains, Swivel
 from palpate.trace.samples import Samples
 
 OBSERVER_TIME = 0.01  # s, time constant of the momentum observer: two log periods

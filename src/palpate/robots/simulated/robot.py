@@ -8,7 +8,6 @@ recorded joint signals into sensor readings. The world's actuators execute the c
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -17,10 +16,10 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm, explain_torque
 from palpate.robots.owner import owner_arm, without_calibration_figures
-from palpate.robots.robot import Arc, Commanded, RobotState, swing_path
+from palpate.robots.robot import Commanded, PoseMaker, PoseStart, RobotState
 from palpate.robots.robot_config import RobotConfig
 from palpate.robots.sheet import Reflex
-from palpate.robots.simulated.actuators import Gripper, SpringGains, SpringInertia, Swivel
+from palpate.robots.simulated.actuators import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
@@ -36,7 +35,8 @@ from palpate.robots.simulated.setpoints import (
 )
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS, TIMESTEP
 from palpate.robots.simulated.world import World
-from palpate.robots.trajectory import MotionState, PosePath, PositionPath, Stretch, still
+from palpate.robots.springs import SpringGains, SpringInertia, Swivel
+from palpate.robots.trajectory import MotionState, PosePath, PositionPath, still
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
@@ -168,22 +168,11 @@ class MujocoRobot(Commanded):
         goal = np.asarray(q, dtype=float)
         self._follow_joints(self._joint_path(self._world.t, self._joint_motion(), goal, speed))
 
-    def move_pose(self, target: Pose, speed: float, slower: Sequence[Stretch] = ()) -> None:
-        """Move the TCP, more slowly where the arm's effective mass is large."""
+    def _start(self, make: PoseMaker) -> None:
         self._reflex = None
-        t, begin, q = self._world.t, self._pose_begin(), self._readout.q
-        self._follow_pose(*self._pose_path(t, begin, target, speed, slower, q))
-
-    def swing(self, about: Array, angle: float, frequency: float, cycles: int) -> None:
-        self._reflex = None
-        t, begin = self._world.t, self._pose_begin()
-        path = swing_path(t, begin, about, angle, frequency, cycles)
-        self._follow_pose(path, still(t, self._readout.q))
-
-    def turn_about(self, axis: Array, point: Array, angle: float, speed: float) -> None:
-        self._reflex = None
-        t, begin, q = self._world.t, self._pose_begin(), self._readout.q
-        self._follow_pose(*self._arc_path(t, begin, Arc(axis, point, angle), speed, q))
+        t, q = self._world.t, self._readout.q
+        path, posture = make(t, self._pose_begin(), q)
+        self._follow_pose(path, posture or still(t, q))
 
     def open_gripper(self, width: float | None = None) -> None:
         self._gripper.open(self._world.t, width)
@@ -306,8 +295,8 @@ class MujocoRobot(Commanded):
         """
         return self._readout.q + self._sprung() / self._arm.stiffness.joints
 
-    def _pose_begin(self) -> tuple[MotionState, Array]:
-        """Return the start of a Cartesian motion, and the orientation (4,) that its rotation vector is relative to.
+    def _pose_begin(self) -> PoseStart:
+        """Return the start of a Cartesian motion.
 
         The start is the state of the present Cartesian motion, or set-points at which the TCP's springs exert
         the torques that the joints' springs exert now.

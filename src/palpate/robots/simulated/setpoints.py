@@ -12,11 +12,11 @@ import mujoco
 import numpy as np
 
 from palpate.common.pose import CONJUGATE, Array, Pose
-from palpate.robots.simulated.actuators import SpringGains
 from palpate.robots.simulated.noise.sensors import Encoders
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, TIMESTEP
 from palpate.robots.simulated.world import World
+from palpate.robots.springs import SpringGains
 from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
 
 BLEND = 0.5
