@@ -95,21 +95,28 @@ def test_another_plan_was_not_rehearsed(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "changes",
+    ("section", "changes"),
     [
-        {"key": "0" * 64},
-        {"robot_seconds": "NaN"},
-        {"more": 1},
-        {"shifts": {"tree": {"can": [0.5, 0, 0, 1, 0, 0, 0]}}},
-        {"shifts": {"tree": {"can": [0, 0, 0, 0, 0, 0, 0]}}},
-        {"shifts": {"tree": {"can": [0, 0, 0]}}},
+        ("", {"key": "0" * 64}),
+        ("", {"more": 1}),
+        ("rehearsal", {"robot_seconds": "NaN"}),
+        ("rehearsal", {"robot_seconds": float("nan")}),
+        ("rehearsal", {"more": 1}),
+        ("foresight", {"more": 1}),
+        ("foresight", {"widths": {"tree": float("inf")}}),
+        ("foresight", {"shifts": {"tree": {"can": [0.5, 0, 0, 1, 0, 0, 0]}}}),
+        ("foresight", {"shifts": {"tree": {"can": [0, 0, 0, 0, 0, 0, 0]}}}),
+        ("foresight", {"shifts": {"tree": {"can": [0, 0, 0]}}}),
     ],
 )
 def test_a_file_that_was_tampered_with_counts_for_nothing(
-    tmp_path: Path, changes: dict[str, object]
+    tmp_path: Path, section: str, changes: dict[str, object]
 ) -> None:
     file = kept(tmp_path) / FILE
-    file.write_text(json.dumps(json.loads(file.read_text()) | changes))
+    content = json.loads(file.read_text())
+    sections = {"": content, **content, **content["rehearsal"]}
+    sections[section] |= changes
+    file.write_text(json.dumps(content))
     assert kept_rehearsal(tmp_path, PLAN, SCENE) is None
     file.write_text("[" * 100_000)
     assert kept_rehearsal(tmp_path, PLAN, SCENE) is None

@@ -11,12 +11,15 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
+from typing import Annotated, Any, ClassVar
 
 import numpy as np
+from pydantic import ConfigDict, Field, PlainSerializer, PlainValidator
 
 from palpate.common.pose import Pose
 from palpate.primitives.base import Blackboard, LeafFailure
 from palpate.primitives.state import SymbolicState
+from palpate.robots.sheet import finite_array
 from palpate.robots.simulated.world import World
 
 NOTICED = 1e-3
@@ -26,11 +29,29 @@ Smaller ones come from the softness of simulated contacts and the scatter of rea
 """
 TURNED = 0.02  # rad, least difference of attitudes that is corrected
 OTHER_WIDTH = 0.005  # m, largest difference of the fingers' widths in rehearsal and run, plus a seen object's doubt
+FARTHEST = 0.1  # m, largest valid shift of an object in a stored rehearsal
 OTHER_WEIGHT, UNSURE = 3.0, 3.0
 """Factor on the rehearsed weights, and margin in N: largest difference of a weight in the run.
 
 The factor is that of the priors of masses. The margin is due to joint friction.
 """
+
+
+def _shift(row: Any) -> Pose:
+    """Read a shift from seven numbers, position and quaternion."""
+    numbers = finite_array(row, (7,), "give seven numbers")
+    pose = Pose(numbers[:3], numbers[3:])
+    if np.linalg.norm(pose.position) > FARTHEST or abs(np.linalg.norm(pose.quaternion) - 1) > 1e-6:
+        raise ValueError("no shift of an object")
+    return pose
+
+
+def _row(pose: Pose) -> list[float]:
+    return pose.vector.tolist()
+
+
+Shift = Annotated[Pose, PlainValidator(_shift), PlainSerializer(_row)]
+Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 
 @dataclass(frozen=True, slots=True)
@@ -44,9 +65,11 @@ class Foresight:
         weights: N, least and largest weight of each object in all worlds.
     """
 
-    shifts: Mapping[str, Mapping[str, Pose]] = field(default_factory=dict[str, Mapping[str, Pose]])
-    widths: Mapping[str, float] = field(default_factory=dict[str, float])
-    weights: Mapping[str, tuple[float, float]] = field(
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
+    shifts: Mapping[str, Mapping[str, Shift]] = field(default_factory=dict[str, Mapping[str, Pose]])
+    widths: Mapping[str, Finite] = field(default_factory=dict[str, float])
+    weights: Mapping[str, tuple[Finite, Finite]] = field(
         default_factory=dict[str, tuple[float, float]]
     )
 

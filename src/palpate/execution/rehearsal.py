@@ -6,21 +6,21 @@ import hashlib
 import json
 from collections import Counter, defaultdict
 from collections.abc import Collection
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
+from functools import cache
 from pathlib import Path
-from typing import Annotated, Any
+from typing import Any, ClassVar
 
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict, Field, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from palpate.common.errors import InputError
 from palpate.common.files import MB, read_bytes
-from palpate.common.pose import Pose
 from palpate.common.processes import Beside, interrupts
 from palpate.common.version import __version__
-from palpate.execution.foresight import Foresight, WorldComparison
+from palpate.execution.foresight import Finite, Foresight, WorldComparison
 from palpate.execution.harm import FALLING, MOVED, harm
 from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.execution.simulated_cell import draw_truth
@@ -67,9 +67,11 @@ class Rehearsal:
         foresight: final poses of the objects after each leaf, in the believed world.
     """
 
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
+
     actions: int
-    robot_seconds: float
-    peak_force: float
+    robot_seconds: Finite
+    peak_force: Finite
     failure: str | None
     draws: int = 1
     path: str = "tree"
@@ -84,14 +86,7 @@ class Rehearsal:
 
     def figures(self) -> dict[str, Any]:
         """The prediction without the foresight, as in `result.json`."""
-        return {
-            "actions": self.actions,
-            "robot_seconds": self.robot_seconds,
-            "peak_force": self.peak_force,
-            "failure": self.failure,
-            "draws": self.draws,
-            "path": self.path,
-        }
+        return {one.name: getattr(self, one.name) for one in fields(self) if one.compare}
 
     def __str__(self) -> str:
         ending = f"would stop: {self.failure}" if self.failure else "no failure"
@@ -321,60 +316,39 @@ def _first_displacement(
 FILE = "rehearsal.json"
 MOST = 2 * MB
 """Bytes, largest size of such a file; fifteen objects take 0.2 MB."""
-FARTHEST = 0.1
-"""m, largest valid shift of an object in the file."""
-
-Finite = Annotated[float, Field(allow_inf_nan=False)]
-Row = Annotated[tuple[Finite, ...], Field(min_length=7, max_length=7)]
 
 
-class Kept(BaseModel):
-    """Content of the file; poses as seven numbers, position and quaternion."""
+@dataclass(frozen=True, slots=True)
+class StoredRehearsal:
+    """Content of the file: a rehearsal, and the hash of its inputs."""
 
-    model_config = ConfigDict(extra="forbid")
+    __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
     key: str
-    actions: int
-    robot_seconds: Finite
-    peak_force: Finite
-    failure: str | None
-    draws: int
-    path: str
-    shifts: dict[str, dict[str, Row]]
-    widths: dict[str, Finite]
-    weights: dict[str, tuple[Finite, Finite]]
+    rehearsal: Rehearsal
 
-    def rehearsal(self) -> Rehearsal:
-        """The stored rehearsal."""
-        shifts = {
-            leaf: {name: _pose(row) for name, row in found.items()}
-            for leaf, found in self.shifts.items()
-        }
-        figures = self.model_dump(exclude={"key", "shifts", "widths", "weights"})
-        return Rehearsal(**figures, foresight=Foresight(shifts, self.widths, self.weights))
+
+@cache
+def _json() -> TypeAdapter[StoredRehearsal]:
+    return TypeAdapter(StoredRehearsal)
 
 
 def keep_rehearsal(folder: Path, plan: Plan, scene: Scene, rehearsal: Rehearsal) -> None:
     """Write the rehearsal of a plan into the folder of the plan."""
-    # Poses as seven numbers, weights for the objects of the scene only.
-    seen = rehearsal.foresight
-    shifts = {
-        leaf: {name: pose.vector.tolist() for name, pose in found.items()}
-        for leaf, found in seen.shifts.items()
-    }
-    weights = {name: seen.weights[name] for name in scene.objects if name in seen.weights}
-    more = {"shifts": shifts, "widths": dict(seen.widths), "weights": weights}
-    document = {"key": key(plan, scene), **rehearsal.figures(), **more}
-    (folder / FILE).write_text(json.dumps(document, allow_nan=False), encoding="utf-8")
+    # Weights are those of the objects of the scene only.
+    weights = {n: w for n, w in rehearsal.foresight.weights.items() if n in scene.objects}
+    foresight = replace(rehearsal.foresight, weights=weights)
+    stored = StoredRehearsal(key(plan, scene), replace(rehearsal, foresight=foresight))
+    (folder / FILE).write_bytes(_json().dump_json(stored))
 
 
 def kept_rehearsal(folder: Path, plan: Plan, scene: Scene) -> Rehearsal | None:
     """The stored rehearsal of this plan in this scene; None without a valid one."""
     try:
-        kept = Kept.model_validate_json(read_bytes(folder / FILE, MOST, "a rehearsal"))
-        return kept.rehearsal() if kept.key == key(plan, scene) else None
-    except (InputError, ValidationError, ValueError):
+        stored = _json().validate_json(read_bytes(folder / FILE, MOST, "a rehearsal"))
+    except (InputError, ValidationError):
         return None
+    return stored.rehearsal if stored.key == key(plan, scene) else None
 
 
 def key(plan: Plan, scene: Scene) -> str:
@@ -419,15 +393,3 @@ def _names(scene: Scene) -> list[dict[str, Any]]:
         for name, named in symbols.own_offsets.items()
     }
     return [poses, joints, offsets, own]
-
-
-def _pose(row: Row) -> Pose:
-    """Pose of seven numbers.
-
-    Raises:
-        ValueError: farther than `FARTHEST`, or no rotation.
-    """
-    pose = Pose(np.array(row[:3]), np.array(row[3:]))
-    if np.linalg.norm(pose.position) > FARTHEST or abs(np.linalg.norm(pose.quaternion) - 1) > 1e-6:
-        raise ValueError("no shift of an object")
-    return pose
