@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cache, lru_cache
 from itertools import combinations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -359,10 +359,12 @@ class RobotDescription:
         quaternion = rotate_quaternion(pose_world_base.quaternion, turn[None])[0]
         return Pose(pose_world_base.position, quaternion)
 
+    @cache  # noqa: B019 (arms live as long as the process, and results are cached by their identity)
     def cautious(self) -> RobotDescription:
         """Return the arm at a pace that is slow enough for objects that no scene shows."""
         return replace(self, pace=self.pace.model_copy(update=dict(self.pace.cautious)))
 
+    @cache  # noqa: B019
     def real(self) -> RobotDescription:
         """Return the real arm: with its springs, and its deviation from the drawings before calibration.
 

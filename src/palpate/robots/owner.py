@@ -71,12 +71,7 @@ def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> Rob
         InputError: as `Arms.load`.
     """
     arm = arms().load(name_or_path)
-    return _cautious(arm) if cautious else arm
-
-
-@cache  # results computed for an arm are cached by its identity
-def _cautious(arm: RobotDescription) -> RobotDescription:
-    return arm.cautious()
+    return arm.cautious() if cautious else arm
 
 
 # The arm as its owner knows it: description < datasheet < robot.yaml.
@@ -123,7 +118,7 @@ def own_arm(
     """
     arm = load_description(name, cautious)
     if real:
-        arm = _real(arm)
+        arm = arm.real()
     if sheet is not None:
         arm = apply_datasheet(arm, sheet)
     if config is None:
@@ -132,11 +127,6 @@ def own_arm(
     if measured.arm is not None and measured.arm != arm.name:
         raise InputError(f"{config} was measured of the arm '{measured.arm}', not of '{arm.name}'")
     return apply_calibration(arm, measured)
-
-
-@cache
-def _real(arm: RobotDescription) -> RobotDescription:
-    return arm.real()
 
 
 def require_same(
@@ -165,22 +155,16 @@ def apply_datasheet(arm: RobotDescription, sheet: Datasheet) -> RobotDescription
     if "torque_gain_max" in stated:
         stated["torque_gain"] = stated.pop("torque_gain_max")
     rest = stated.pop("rest_torque", arm.rest_torque)
-    if rest != arm.rest_torque:
-        arm = _resting(arm, rest)
     new = {name: value for name, value in stated.items() if getattr(arm.nominal, name) != value}
-    return _apply_figures(arm, tuple(sorted(new.items()))) if new else arm
-
-
-@cache
-def _resting(arm: RobotDescription, rest_torque: float) -> RobotDescription:
-    return replace(arm, rest_torque=rest_torque)
+    changes = new or rest != arm.rest_torque
+    return _apply_figures(arm, rest, tuple(sorted(new.items()))) if changes else arm
 
 
 @cache
 def _apply_figures(
-    arm: RobotDescription, stated: tuple[tuple[str, float], ...]
+    arm: RobotDescription, rest_torque: float, stated: tuple[tuple[str, float], ...]
 ) -> RobotDescription:
-    return replace(arm, nominal=replace(arm.nominal, **dict(stated)))
+    return replace(arm, nominal=replace(arm.nominal, **dict(stated)), rest_torque=rest_torque)
 
 
 @cache

@@ -11,11 +11,10 @@ import os
 import tempfile
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal, cast
+from typing import Annotated, Any, Literal
 
 import numpy as np
 from pydantic import (
-    BaseModel,
     BeforeValidator,
     Field,
     PlainValidator,
@@ -34,6 +33,7 @@ from palpate.common.files import (
 )
 from palpate.common.pose import Array
 from palpate.robots.sheet import (
+    AS_LIST,
     ControllerStiffness,
     Name,
     Pair,
@@ -73,6 +73,9 @@ def require_quaternion(value: Any) -> Array:
     return array
 
 
+JointCovariance = Annotated[np.ndarray, PlainValidator(require_covariance), AS_LIST]
+
+
 class MeasuredFigure(Section):
     """A measured figure."""
 
@@ -103,7 +106,7 @@ class SensorGains(MeasuredFigure):
     value: Seven  # a reading is 1 + `value` times the torque
     std: Seven | None = None  # of joints measured separately
     # instead of `std`, of joints measured together, which is more informative: seven lists of seven numbers
-    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
+    covariance: JointCovariance | None = None
 
     @model_validator(mode="after")
     def _one_of_two(self) -> SensorGains:
@@ -155,14 +158,14 @@ class CameraConfig(MeasuredFigure):
     """
 
     pos: Vector  # m
-    quat: Annotated[np.ndarray, PlainValidator(require_quaternion)]  # w, x, y, z
+    quat: Annotated[np.ndarray, PlainValidator(require_quaternion), AS_LIST]  # w, x, y, z
     fovy: Annotated[float, _Plain, Field(gt=1, lt=170)]  # vertical field of view, degrees
     # width and height, pixels
     size: tuple[Annotated[int, Field(gt=0, le=20000)], Annotated[int, Field(gt=0, le=20000)]]
     on_hand: bool = False  # its pose is in the frame of the TCP
     # (7, 7) of position, m, rotation, rad, along the axes of that frame, and the logarithm of the focal
     # length; with it `palpate see` takes the camera's pose from here
-    covariance: Annotated[np.ndarray, PlainValidator(require_covariance)] | None = None
+    covariance: JointCovariance | None = None
 
 
 class Simulated(Section):
@@ -232,7 +235,7 @@ def write_config(path: Path, config: RobotConfig) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    text = yaml_text(plain(config))
+    text = yaml_text(config.model_dump(exclude_none=True))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         handle, part = tempfile.mkstemp(prefix=f".{path.name}.", dir=path.parent)
@@ -246,19 +249,3 @@ def write_config(path: Path, config: RobotConfig) -> None:
             raise
     except OSError as error:
         raise InputError(f"cannot write {path}: {error.strerror}") from error
-
-
-def plain(section: BaseModel) -> dict[str, Any]:
-    """Convert a section to plain values, arrays to lists, for YAML."""
-    values: dict[str, Any] = {}
-    for name in type(section).model_fields:
-        value = getattr(section, name)
-        if isinstance(value, BaseModel):
-            value = plain(value)
-        elif isinstance(value, np.ndarray):
-            value = value.tolist()
-        elif isinstance(value, tuple):
-            value = list(cast("tuple[Any, ...]", value))
-        if value is not None:
-            values[name] = value
-    return values

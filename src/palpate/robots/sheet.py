@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Annotated, Any, cast
 
 import numpy as np
-from pydantic import Field, PlainValidator, ValidationError
+from pydantic import Field, PlainSerializer, PlainValidator, ValidationError
 
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.files import Section, describe_error, plain_yaml, read_text
@@ -118,9 +118,10 @@ def numbers(count: int) -> PlainValidator:
     return PlainValidator(lambda v: finite_array(v, (count,), f"give a list of {count} numbers"))
 
 
-Seven = Annotated[Array, numbers(7)]  # one per joint
-Vector = Annotated[Array, numbers(3)]
-Pair = Annotated[Array, numbers(2)]
+AS_LIST = PlainSerializer(np.ndarray.tolist)
+Seven = Annotated[Array, numbers(7), AS_LIST]  # one per joint
+Vector = Annotated[Array, numbers(3), AS_LIST]
+Pair = Annotated[Array, numbers(2), AS_LIST]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
 Share = Annotated[float, Field(ge=0, allow_inf_nan=False)]
 Name = Annotated[str, Field(min_length=1, max_length=100)]

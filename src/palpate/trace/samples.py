@@ -169,33 +169,26 @@ class Trace:
 
     def without(self, start: float, end: float) -> Trace:
         """Cut out the samples and recordings from robot time `start` to `end`; the leaves stay."""
-
-        def outside(recording: Recording) -> bool:
-            return recording.end < start or recording.start > end
-
-        # Rows before and after the gap, and recordings outside of it.
         t = self.samples.t
-        return replace(
-            self,
-            samples=self.samples.where((t < start) | (t > end)),
-            recordings=tuple(r for r in self.recordings if outside(r)),
-            conversions=tuple(c for c in self.conversions if outside(c.recording)),
-        )
+        rest = self.samples.where((t < start) | (t > end))
+        return self.part(rest, lambda one: one.end < start or one.start > end)
 
     def during(self, start: float, end: float) -> Trace:
         """Return the samples and recordings from robot time `start` to `end`, with the leaves that started by
         then.
         """
+        part = self.part(
+            self.samples.between(start, end), lambda one: start <= one.start and one.end <= end
+        )
+        return replace(part, leaves=tuple(leaf for leaf in self.leaves if leaf.start <= end))
 
-        def inside(recording: Recording) -> bool:
-            return start <= recording.start and recording.end <= end
-
+    def part(self, samples: Samples, is_kept: Callable[[Recording], bool]) -> Trace:
+        """Return the trace with some of its samples, and the recordings to keep with their conversions."""
         return replace(
             self,
-            samples=self.samples.between(start, end),
-            leaves=tuple(leaf for leaf in self.leaves if leaf.start <= end),
-            recordings=tuple(r for r in self.recordings if inside(r)),
-            conversions=tuple(c for c in self.conversions if inside(c.recording)),
+            samples=samples,
+            recordings=tuple(r for r in self.recordings if is_kept(r)),
+            conversions=tuple(c for c in self.conversions if is_kept(c.recording)),
         )
 
     def until(self, time: float) -> Trace:
@@ -301,15 +294,12 @@ def sound(trace: Trace) -> Trace:
     # Keep the rows outside of all spans, and the recordings that overlap with none.
     t = trace.samples.t
     rows = np.all([(t <= span.start) | (t >= span.end) for span in spans], axis=0)
-    recordings = tuple(r for r in trace.recordings if is_kept(r.start, r.end))
+    part = trace.part(trace.samples.where(rows), lambda one: is_kept(one.start, one.end))
     # A conversion is kept with its recording, unless it was made in the failed part itself.
-    conversions = [c for c in trace.conversions if c.recording in recordings]
     return replace(
-        trace,
-        samples=trace.samples.where(rows),
+        part,
         leaves=tuple(leaf for leaf in trace.leaves if is_kept(leaf.start, leaf.end)),
-        recordings=recordings,
-        conversions=tuple(c for c in conversions if is_kept(c.time, c.time)),
+        conversions=tuple(c for c in part.conversions if is_kept(c.time, c.time)),
     )
 
 

@@ -47,6 +47,11 @@ class CheckResult(NamedTuple):
     what: str  # name of the check
     detail: str  # value or remedy
 
+    @classmethod
+    def of(cls, good: bool, what: str, detail: str, remedy: str) -> CheckResult:
+        """Make the result of a check, with the remedy after the detail if it failed."""
+        return cls(good, what, detail if good else f"{detail}: {remedy}")
+
 
 def examine(
     address: Address, arm: RobotDescription, pose_world_base: Pose, may_hold: Callable[[], bool]
@@ -102,12 +107,8 @@ def check_computer(address: Address) -> Iterator[CheckResult]:
     limit = resource.getrlimit(resource.RLIMIT_RTPRIO)[1]
     if os.geteuid() != 0 and limit != resource.RLIM_INFINITY:
         allowed = min(limit, most)
-    detail = f"up to {allowed} of {most}"
-    if allowed < most:
-        detail += (
-            ": add '@realtime - rtprio 99' to /etc/security/limits.conf, and yourself to the group"
-        )
-    yield CheckResult(allowed >= most, "realtime priority", detail)
+    remedy = "add '@realtime - rtprio 99' to /etc/security/limits.conf, and yourself to the group"
+    yield CheckResult.of(allowed >= most, "realtime priority", f"up to {allowed} of {most}", remedy)
 
 
 def check_arm(
@@ -143,9 +144,9 @@ def check_margins(q: Array, arm: RobotDescription) -> CheckResult:
     room = np.minimum(q - limits.q_min, limits.q_max - q)
     i = int(room.argmin())
     detail = f"joint {i + 1} is {np.degrees(room[i]):.0f}° from its end stop"
-    if room[i] < NEAR_END:
-        return CheckResult(False, "joint margins", f"{detail}: guide the arm to its middle by hand")
-    return CheckResult(True, "joint margins", f"{detail}, the others farther")
+    good = bool(room[i] >= NEAR_END)
+    detail += ", the others farther" if good else ""
+    return CheckResult.of(good, "joint margins", detail, "guide the arm to its middle by hand")
 
 
 def check_end_effector(state: Any, arm: RobotDescription) -> CheckResult:
@@ -191,14 +192,11 @@ def check_weight(
     excess = np.abs(left) - np.array(LEFT)
     i = int(excess.argmax())
     detail = f"joint {i + 1} feels {left[i]:+.2f} N m beyond its model at rest"
-    if excess[i] > 0.0:
-        return CheckResult(
-            False,
-            "gravity residual",
-            f"{detail}: is anything in the hand, does it touch something, is the end effector's mass "
-            "right, does the base stand upright?",
-        )
-    return CheckResult(True, "gravity residual", detail)
+    remedy = (
+        "is anything in the hand, does it touch something, is the end effector's mass right, does the base "
+        "stand upright?"
+    )
+    return CheckResult.of(bool(excess[i] <= 0.0), "gravity residual", detail, remedy)
 
 
 def check_hand(session: FrankySession) -> Iterator[CheckResult]:
@@ -237,7 +235,5 @@ def check_cycles(
     settled = rates[len(rates) // 4 :]
     rate = float(np.mean(settled)) if settled else 0.0
     detail = f"{100 * rate:.1f} % over {LISTENED:g} s"
-    if rate >= ARRIVE:
-        return CheckResult(True, "answered cycles", detail)
     remedy = "use a realtime kernel, a network card and cable of its own, and no power saving"
-    return CheckResult(False, "answered cycles", f"{detail}: {remedy}")
+    return CheckResult.of(rate >= ARRIVE, "answered cycles", detail, remedy)
