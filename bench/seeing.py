@@ -16,10 +16,11 @@ from collections.abc import Sequence
 import mujoco
 import numpy as np
 
+from bench.photograph import take
 from palpate.common.pose import Array, Pose
 from palpate.perception.lens import FACING, Lens, Mount
 from palpate.perception.look import Seen, look, things_of
-from palpate.perception.rendered import Imperfections, take
+from palpate.perception.rendered import Imperfections
 from palpate.perception.solve import (
     GLUED,
     LEVEL,

@@ -18,16 +18,17 @@ from unittest.mock import patch
 
 import numpy as np
 
+from bench.harm.judge import harm
+from bench.photograph import take
 from palpate.common.errors import PalpateError
 from palpate.common.pose import Array, Pose
-from palpate.execution.harm import harm
 from palpate.execution.rehearsal import named_objects
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.execution.witness import Witness
 from palpate.perception.detection import Grey, detect
 from palpate.perception.lens import Lens
 from palpate.perception.look import Seen, look
-from palpate.perception.rendered import Imperfections, take
+from palpate.perception.rendered import Imperfections
 from palpate.perception.solve import pose_difference
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs import pipeline
@@ -237,7 +238,7 @@ def _result(row: SightedRun, run: Run, cell: WatchedCell, seen: Seen, world: Sce
     assert done is not None
     truths = {name: world.body(name).pose_world for name in seen.poses}
     felt = {name: belief for name, belief in run.beliefs.items() if belief.touches}
-    ends = {name: cell.made.world.true_pose(name) for name in felt}
+    ends = {name: cell.made.world.true_poses([name])[name] for name in felt}
     return replace(
         row,
         status=run.status,

@@ -13,8 +13,8 @@ from typing import Any, Protocol, TypeVar
 
 import numpy as np
 
+from bench.harm.judge import Harm
 from bench.harm.probe import Probed
-from palpate.execution.harm import Harm
 from palpate.studies.workers import Lines, Lost, Processes
 
 LONGEST = 120

@@ -7,7 +7,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 
 from bench.campaign.ledger import Row
-from palpate.execution.contact_limits import SHOWN, UNSEEN
+from bench.harm.judge import UNSEEN
+from palpate.execution.contact_limits import SHOWN
 from palpate.runs.report.page import style as shared_style
 
 TITLES = {

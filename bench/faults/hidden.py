@@ -9,9 +9,9 @@ import numpy as np
 
 from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
+from bench.harm.judge import UNSEEN, TailFigures
 from bench.harm.probe import probed_run
 from palpate.common.pose import Pose
-from palpate.execution.contact_limits import UNSEEN, Figures
 from palpate.runs import pipeline
 from palpate.scene.load import rearrange, scene_from_text
 from palpate.scene.scene import Scene
@@ -27,9 +27,9 @@ POST_MASS = 1.0
 """kg; an aluminium post of this size has 0.8."""
 CONTACT, CONTACT_DAMPING = 3e6, 1200.0
 """1/s^2 and 1/s of its contact: what physics steps of 0.5 ms resolve."""
-CAUTIOUS = Figures(tail=25.0)
+CAUTIOUS = TailFigures(tail=25.0)
 """Limits of hidden things with a cautious arm: those of things of the scene, and the tail."""
-CAUTIOUS_RIGID = Figures(mean10=80.0, tail=25.0)
+CAUTIOUS_RIGID = TailFigures(mean10=80.0, tail=25.0)
 """As `CAUTIOUS`, for a contact stiffness of `RIGID` or more."""
 POST = "hidden_post"
 LIGHT_THING = "hidden_cup"
@@ -77,7 +77,7 @@ class Wrong:
     world: Scene
     what: str
     unseen: tuple[str, ...] = ()
-    figures: Figures = UNSEEN
+    figures: TailFigures = UNSEEN
 
 
 def wrong_world(kind: str, true: Scene, random: np.random.Generator) -> Wrong:

@@ -21,8 +21,9 @@ import numpy as np
 from bench.campaign.ledger import Row, touches_of
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
+from bench.harm.judge import Harm, harm
 from palpate.common.errors import PalpateError
-from palpate.execution.harm import Harm, harm
+from palpate.execution.harm import FALLS
 from palpate.execution.rehearsal import AFTERWARDS
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.runs import executing, pipeline, workplace
@@ -178,7 +179,7 @@ def chargeable(seen: Harm, fault: Fault) -> list[str]:
     if fault.honest:
         found += seen.forces
     for fate in seen.fates:
-        pushed = not fault.honest and not fate.fallen
+        pushed = not fault.honest and fate.what not in FALLS
         lost = not fault.holds and fate.name == OBJECT
         if not pushed and not lost:
             found.append(str(fate))

@@ -28,7 +28,7 @@ def test_a_look_writes_poses_that_a_scene_takes(
 ) -> None:
     from PIL import Image
 
-    from palpate.perception.rendered import take
+    from bench.photograph import take
 
     monkeypatch.delenv("MUJOCO_GL")
     scene, poses = tmp_path / "desk.xml", tmp_path / "poses.yaml"

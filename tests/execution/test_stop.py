@@ -63,7 +63,7 @@ def execute(cup='mass="0.3"', more="", noise="lab", stop_when=lambda robot: Fals
 
 
 def displacement(robot):
-    return robot.world.true_pose("cup").distance_to(SCENE.body("cup").pose_world)
+    return robot.world.true_poses(["cup"])["cup"].distance_to(SCENE.body("cup").pose_world)
 
 
 def test_a_whole_weighing_completes_and_restores_the_cup():
@@ -91,7 +91,7 @@ def test_stopped_while_lifting_the_cup_goes_back_to_its_place(mass, height):
     assert (done.trace.leaves[-1].primitive, done.trace.leaves[-1].status) == ("PutDown", "SUCCESS")
     assert (done.final_state.holding, robot.state.gripping) == (None, False)
     assert displacement(robot) < 0.002
-    assert done.final_state.moved["cup"].distance_to(robot.world.true_pose("cup")) < 0.003
+    assert done.final_state.moved["cup"].distance_to(robot.world.true_poses(["cup"])["cup"]) < 0.003
     assert np.abs(robot.state.dq).max() < 0.05
 
 
@@ -148,7 +148,7 @@ def test_a_hand_that_meets_a_neighbour_out_of_place_says_so_and_hardly_moves_it(
     done = run(Plan((), steps, "go past"), scene, robot)
     robot.advance(0.5)
     assert f"MovePose({poses[1]}): unexpected contact" in str(done.stopped_by)
-    jug, stood = robot.world.true_pose("jug"), world.body("jug").pose_world
+    jug, stood = robot.world.true_poses(["jug"])["jug"], world.body("jug").pose_world
     assert jug.distance_to(stood) < 0.005
     assert jug.rotation[2, 2] > 0.999
 
@@ -194,7 +194,7 @@ def test_a_push_that_comes_and_goes_is_no_support(push):
     pushed(robot, 0.0)
     robot.advance(1.0)
     assert done.status == "stopped"
-    where = robot.world.true_pose("cup").position[2]
+    where = robot.world.true_poses(["cup"])["cup"].position[2]
     on_the_table = abs(where - 0.15) < 0.005
     assert robot.state.gripping or on_the_table, f"dropped to {where:.3f} m"
 
@@ -218,7 +218,7 @@ def test_an_object_that_would_tip_stays_in_the_fingers():
     assert "would tip over the edge of 'table'" in done.trace.leaves[-1].message
     assert robot.state.gripping
     assert done.held == HeldObject("cup", "held")
-    assert robot.world.true_pose("cup").position[2] > 0.2
+    assert robot.world.true_poses(["cup"])["cup"].position[2] > 0.2
 
 
 def test_robot_without_a_state_ends_running_leaves_and_holds():

@@ -100,7 +100,7 @@ class Door:
 
     def pose(self, body: str) -> list[float]:
         """(7,) of a body, world."""
-        pose = self._bench.plant.true_pose(body)
+        pose = self._bench.plant.true_poses([body])[body]
         return [*pose.position.tolist(), *pose.quaternion.tolist()]
 
     def counts(self) -> dict[str, Any]:

@@ -72,7 +72,7 @@ def test_a_tag_that_is_elsewhere_is_refused() -> None:
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
 def test_a_simulated_camera_sees_where_a_box_is() -> None:
-    from palpate.perception.rendered import take
+    from bench.photograph import take
 
     world = scene(place="0.5 0 0.43", turn="20")
     picture = take(world.spec(), "over", seed=3)
@@ -180,7 +180,7 @@ def test_a_source_that_is_none_lists_the_choices(tmp_path: Path) -> None:
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
 def test_a_thing_with_a_look_shows_its_tags() -> None:
-    from palpate.perception.rendered import take
+    from bench.photograph import take
 
     dressed = SCENE.replace(
         "<worldbody>", '<custom><text name="look:box" data="block"/></custom><worldbody>'

@@ -7,7 +7,7 @@ from dataclasses import replace
 import pytest
 from performing import sequence
 
-from palpate.execution.harm import harm
+from bench.harm.judge import harm
 from palpate.execution.runner import run
 from palpate.execution.witness import Witness
 from palpate.planning.plan import Plan
@@ -98,7 +98,9 @@ def test_the_hand_grasps_the_cup_at_its_width_and_opens_again(perform, scene) ->
         "grasped at 40.1 mm",
     )
     assert done.message("OpenGripper") == "open to 80 mm"
-    assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3
+    assert (
+        done.robot.world.true_poses(["cup"])["cup"].distance_to(scene.body("cup").pose_world) < 1e-3
+    )
 
 
 def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
@@ -136,7 +138,9 @@ def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
         "-20 %: the object is not where it is believed, look again"
     )
     assert done.robot.state.width == pytest.approx(0.08, abs=1e-4)
-    assert done.robot.world.true_pose("cup").distance_to(scene.body("cup").pose_world) < 1e-3
+    assert (
+        done.robot.world.true_poses(["cup"])["cup"].distance_to(scene.body("cup").pose_world) < 1e-3
+    )
 
 
 def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) -> None:
@@ -146,7 +150,7 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     steps = ("OpenGripper", above, at, "CloseGripper", above)
     done = perform(*steps, scene=believed, world=true)
     assert "where 62.0 mm was believed" in str(done.execution.stopped_by)
-    stands = done.robot.world.true_pose("can")
+    stands = done.robot.world.true_poses(["can"])["can"]
     assert stands.rotation[2, 2] > 0.999
     assert stands.distance_to(true.body("can").pose_world) < 5e-3
 
@@ -170,7 +174,7 @@ def test_a_can_taken_by_its_rim_is_let_go_where_it_stands(lower, said) -> None:
     assert str(done.stopped_by).startswith(said)
     assert done.final_state.holding is None
     assert robot.state.width == pytest.approx(0.08, abs=1e-4)
-    assert robot.world.true_pose("can").rotation[2, 2] > 0.9999
+    assert robot.world.true_poses(["can"])["can"].rotation[2, 2] > 0.9999
     assert not harm(witness, ["can"]).fates
 
 
@@ -182,7 +186,7 @@ def test_a_can_beside_the_middle_of_the_pads_is_carried_as_it_was_grasped(perfor
     steps = ("OpenGripper", above, at, "CloseGripper", above, at, "OpenGripper", above)
     done = perform(*steps, scene=believed, world=true)
     assert done.execution.status == "complete"
-    stands = done.robot.world.true_pose("can")
+    stands = done.robot.world.true_poses(["can"])["can"]
     assert stands.rotation[2, 2] > 0.9999
     assert stands.distance_to(true.body("can").pose_world) < 1e-3
 

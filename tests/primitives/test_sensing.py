@@ -187,7 +187,7 @@ def test_plan_position_is_where_the_fingers_found_the_object(carried, scene) -> 
     x, y = found["Pose2Plan"].value
     tcp = scene.symbols.resolve("cup_pose").position
     assert x == pytest.approx(tcp[0], abs=1e-4)
-    assert y == pytest.approx(done.robot.world.true_pose("cup").position[1], abs=1.5e-3)
+    assert y == pytest.approx(done.robot.world.true_poses(["cup"])["cup"].position[1], abs=1.5e-3)
 
 
 def test_conversion_without_an_identified_value_fails(perform, monkeypatch) -> None:

@@ -92,7 +92,7 @@ def test_a_probe_from_the_side_moves_the_grasp_to_the_thing() -> None:
     assert belief.contradiction
     assert list(state.elsewhere()) == ["cup"]
     assert state.resolve("cup_pose").position[0] == pytest.approx(0.515, abs=0.002)
-    off = belief.pose.position - robot.world.true_pose("cup").position
+    off = belief.pose.position - robot.world.true_poses(["cup"])["cup"].position
     assert np.abs(off[:2]).max() < 0.002
     assert belief.std(np.array([1.0, 0.0, 0.0])) < 0.0012
     assert belief.std(np.array([0.0, 1.0, 0.0])) < 0.0012

@@ -15,39 +15,29 @@ from palpate.common.pose import Array
 from palpate.execution.witness import Pair, Witness
 from palpate.trace.samples import STANDARD_GRAVITY
 
-OVER = 65.0
-"""N, force for which the time above it is counted."""
-TAIL = 0.1
-"""s after the first contact until the tail begins."""
-APART = 0.05
-"""s without contact that separate two contacts."""
 LIGHT = 1.5
 """kg, largest mass of a light object; heavier ones count as fixed."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True)
 class Figures:
     """Limits of a contact, N.
 
     Attributes:
         mean10, mean20: limits of running means over 10 and 20 ms.
-        tail: limit of 10 ms means from 100 ms after the first contact on; None for no limit.
         sideways: limit of horizontal 10 ms means on light free objects.
     """
 
     mean10: float = 65.0
     mean20: float = 45.0
-    tail: float | None = None
     sideways: float = 25.0
 
 
 SHOWN = Figures()
 """Limits for bodies of the scene."""
-UNSEEN = Figures(mean10=180.0, mean20=150.0, tail=25.0, sideways=180.0)
-"""Limits for bodies that the scene does not show."""
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class ContactRecord:
     """Contact of a body with the robot or the held object; forces in N, times in s.
 
@@ -56,12 +46,9 @@ class ContactRecord:
         part: body of the robot, or held object, with the largest force.
         load: `part` is the held object.
         light: the touched body is a free object of at most `LIGHT`.
-        first: time of the first contact.
-        seconds: duration of all contacts.
-        peak, mean10, mean20: largest magnitude of one physics step and of running means.
+        magnitude: (n,) sum of the magnitudes of all contacts in each physics step.
+        mean10, mean20: largest running means of the magnitude over 10 and 20 ms.
         hardest: s, time of the largest 10 ms mean.
-        tail: see `Figures`.
-        over: s above 65 N.
         sideways: largest horizontal 10 ms mean without a support from the other side.
         vertical: the largest force was more vertical than horizontal.
     """
@@ -70,27 +57,20 @@ class ContactRecord:
     part: str
     load: bool
     light: bool
-    first: float
-    seconds: float
-    peak: float
+    magnitude: Array
     mean10: float
     mean20: float
     hardest: float
-    tail: float
-    over: float
     sideways: float
     vertical: bool
 
     def beyond(self, figures: Figures) -> Iterator[str]:
         """Exceeded limits, as text."""
         who = f"{self.part} on {self.thing}"
-        # Running means first, then the tail and the sideways push.
         if self.mean10 > figures.mean10:
             yield f"{who}: {self.mean10:.0f} N over 10 ms"
         if self.mean20 > figures.mean20:
             yield f"{who}: {self.mean20:.0f} N over 20 ms"
-        if figures.tail is not None and self.tail > figures.tail:
-            yield f"{who}: {self.tail:.0f} N after 100 ms"
         if self.light and self.sideways > figures.sideways:
             yield f"{who}: {self.sideways:.0f} N sideways over 10 ms"
 
@@ -126,24 +106,19 @@ def _touch(witness: Witness, thing: str, pairs: list[Pair]) -> ContactRecord:
             strongest_pair, strongest = pair, float(size[worst])
             upright = bool(abs(vectors[worst, 2]) > horizontal[worst])
     # Figures over all contacts of the body.
-    touching = np.flatnonzero(magnitude)
     dt = witness.period
-    mean10 = _running(magnitude, 0.010, dt)
+    mean10 = running_mean(magnitude, 0.010, dt)
     masses = dict(zip(witness.objects, witness.masses, strict=True))
     return ContactRecord(
         thing,
         strongest_pair.part,
         strongest_pair.load,
         light=masses.get(thing, np.inf) <= LIGHT,
-        first=float(touching[0] * dt) if len(touching) else 0.0,
-        seconds=float(len(touching) * dt),
-        peak=float(magnitude.max()),
+        magnitude=magnitude,
         mean10=float(mean10.max()),
-        mean20=float(_running(magnitude, 0.020, dt).max()),
+        mean20=float(running_mean(magnitude, 0.020, dt).max()),
         hardest=float(mean10.argmax()) * dt,
-        tail=_tail(magnitude, mean10, dt),
-        over=float((magnitude > OVER).sum() * dt),
-        sideways=float(_running(sideways, 0.010, dt).max()),
+        sideways=float(running_mean(sideways, 0.010, dt).max()),
         vertical=upright,
     )
 
@@ -158,26 +133,9 @@ def _without_weight(vectors: Array, weight: float) -> Array:
     return pressed
 
 
-def _running(values: Array, window: float, dt: float) -> Array:
-    """Running means over `window` s, indexed by the start of the window."""
+def running_mean(values: Array, window: float, dt: float) -> Array:
+    """Compute running means over `window` s, indexed by the start of the window."""
     # By differences of cumulative sums, padded with zeros at the end.
     width = round(window / dt)
     sums = np.concatenate([[0.0], np.cumsum(np.concatenate([values, np.zeros(width)]))])
     return (sums[width:] - sums[:-width]) / width
-
-
-def _tail(magnitude: Array, mean10: Array, dt: float) -> float:
-    """Largest 10 ms mean that starts `TAIL` or more after the beginning of a contact."""
-    touching = np.flatnonzero(magnitude)
-    if not len(touching):
-        return 0.0
-    # Contacts are runs of steps with gaps of at most `APART`.
-    breaks = np.flatnonzero(np.diff(touching) * dt > APART)
-    starts = np.concatenate([touching[:1], touching[breaks + 1]])
-    ends = np.concatenate([touching[breaks], touching[-1:]])
-    worst = 0.0
-    for start, end in zip(starts.tolist(), ends.tolist(), strict=True):
-        # Transients of the impact are over after `TAIL`.
-        late = mean10[start + round(TAIL / dt) : end + 1]
-        worst = max(worst, float(late.max(initial=0.0)))
-    return worst

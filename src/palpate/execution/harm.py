@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.execution.contact_limits import SHOWN, UNSEEN, ContactRecord, Figures, touches
+from palpate.execution.contact_limits import SHOWN, touches
 from palpate.execution.witness import LOOK, Mask, Witness
 
 if TYPE_CHECKING:
@@ -45,7 +45,6 @@ class Track:
             no tilt.
         moved: m, largest distance from its first position.
         pushed: m, largest distance from the place of its release, while it was not held.
-        turned: rad, largest rotation in the hand.
         tipped_at, moved_at, pushed_at: s, first time beyond each limit.
     """
 
@@ -71,9 +70,6 @@ class Track:
         self.moved, self.moved_at = float(moved.max()), _first(moved > MOVED, period)
         pushed = _push_distance(at, held)
         self.pushed, self.pushed_at = float(pushed.max()), _first(pushed > PUSHED, period)
-        # Rotation in the hand: attitude of the object in the hand's frame.
-        hands = Rotation.from_quat([look.hand for look in looks], scalar_first=True)
-        self.turned = _turn_in_hand(hands.inv() * attitude, held)
 
 
 def tracks(witness: Witness) -> list[Track]:
@@ -116,8 +112,8 @@ def _fell(z: Array, held: Mask, touched: Mask, period: float) -> int | None:
     return None
 
 
-def _spells(held: Mask) -> list[tuple[int, int]]:
-    """Ranges of rows from each release, or the beginning, to the next one, or the end."""
+def untouched_spells(held: Mask) -> list[tuple[int, int]]:
+    """Return the ranges of rows from each release, or the beginning, to the next one, or the end."""
     released = np.flatnonzero(held[:-1] & ~held[1:]) + 1
     return list(pairwise([0, *released.tolist(), len(held)]))
 
@@ -125,25 +121,13 @@ def _spells(held: Mask) -> list[tuple[int, int]]:
 def _push_distance(at: Array, held: Mask) -> Array:
     """(n,) m, horizontal distance from the first position or the latest release; 0 while held."""
     ways = np.zeros(len(held))
-    for start, end in _spells(held):
+    for start, end in untouched_spells(held):
         ways[start:end] = np.linalg.norm(at[start:end, :2] - at[start, :2], axis=1)
     return np.where(held, 0.0, ways)
 
 
-def _turn_in_hand(in_hand: Rotation, held: Mask) -> float:
-    """Largest rotation in the hand since the grasp, rad."""
-    worst = 0.0
-    for start, end in _spells(held):
-        # The grasp is the first row in which the hand holds the object.
-        taken = start + int(np.argmax(held[start:end]))
-        if held[taken]:
-            turns = in_hand[taken].inv() * in_hand[taken:end]
-            worst = max(worst, float(turns.magnitude().max()))
-    return worst
-
-
 @dataclass(frozen=True, slots=True)
-class Fate:
+class HarmedObject:
     """Harm to an object.
 
     Attributes:
@@ -157,102 +141,37 @@ class Fate:
     way: float = 0.0
     t: float = field(default=np.inf, compare=False)
 
-    @property
-    def fallen(self) -> bool:
-        """True for an object that was dropped, tipped, or left its place."""
-        return self.what in FALLS
-
     def __str__(self) -> str:
         text = f"{self.name} {self.what}"
         return f"{text} by {1e3 * self.way:.0f} mm" if self.way else text
 
 
-@dataclass(frozen=True, slots=True)
-class Harm:
-    """Harm of a run.
+def first_harm(witness: Witness, named: Collection[str] = ()) -> tuple[float, str] | None:
+    """Return time, s, and description of the earliest harm of a run; None for a harmless run.
 
-    Attributes:
-        touches: all contacts, the largest forces first.
-        turned: rad, rotation of objects in the hand, by name.
-        forces: forces beyond the limits, as text.
-        fates: harm to objects of the scene.
-        unseen: harm to objects that the scene does not show; it is listed and not judged.
-        first: time, s, and description of the earliest harm; None for a harmless run.
+    The plan may move the objects that it has `named`.
     """
-
-    touches: tuple[ContactRecord, ...]
-    turned: dict[str, float]
-    forces: tuple[str, ...]
-    fates: tuple[Fate, ...]
-    unseen: tuple[Fate, ...] = ()
-    first: tuple[float, str] | None = None
-
-    @property
-    def beyond(self) -> tuple[str, ...]:
-        """All values beyond the limits, as text; empty for a harmless run."""
-        return (*self.forces, *map(str, self.fates))
-
-    @property
-    def fallen(self) -> tuple[str, ...]:
-        """Names of the scene's objects that were dropped, tipped, or left their place."""
-        return tuple(dict.fromkeys(fate.name for fate in self.fates if fate.fallen))
-
-
-def harm(
-    witness: Witness,
-    named: Collection[str] = (),
-    unseen: Collection[str] = (),
-    shown: Figures = SHOWN,
-    hidden: Figures = UNSEEN,
-) -> Harm:
-    """Judge a run.
-
-    Args:
-        witness: record of the whole run.
-        named: objects that the plan names, which may be moved.
-        unseen: bodies that the scene does not show, with the limits `hidden`.
-        shown, hidden: limits of contact forces.
-    """
-    contacts = touches(witness)
     # Contact forces beyond their limits, with the time of the largest 10 ms mean.
-    forces: list[tuple[float, str]] = []
-    for touch in contacts:
-        beyond = touch.beyond(hidden if touch.thing in unseen else shown)
-        forces += ((touch.hardest, text) for text in beyond)
-    # Motion of each object. Objects that the scene does not show are listed apart.
-    turned: dict[str, float] = {}
-    fates: list[Fate] = []
-    listed: list[Fate] = []
-    for track in tracks(witness):
-        if track.turned > 0:
-            turned[track.name] = track.turned
-        found = listed if track.name in unseen else fates
-        found += _fates(track, named)
-    falls = {fate.name: str(fate) for fate in fates if fate.fallen}
+    forces = [(touch.hardest, text) for touch in touches(witness) for text in touch.beyond(SHOWN)]
+    found = [one for track in tracks(witness) for one in harms(track, named)]
     # A falling object has moved before: state the fall, at the time of the first motion.
-    events = [(fate.t, falls.get(fate.name, str(fate))) for fate in fates]
-    return Harm(
-        contacts,
-        turned,
-        forces=tuple(text for _, text in forces),
-        fates=tuple(fates),
-        unseen=tuple(listed),
-        first=min((*forces, *events), default=None),
-    )
+    falls = {one.name: str(one) for one in found if one.what in FALLS}
+    events = [(one.t, falls.get(one.name, str(one))) for one in found]
+    return min((*forces, *events), default=None)
 
 
-def _fates(track: Track, named: Collection[str]) -> list[Fate]:
-    """Harm to one object."""
-    found: list[Fate] = []
+def harms(track: Track, named: Collection[str]) -> list[HarmedObject]:
+    """List the harm to one object."""
+    found: list[HarmedObject] = []
     # From the most specific to the least; one object may have several.
     if track.fell is not None:
-        found.append(Fate(track.name, DROPPED, t=track.fell))
+        found.append(HarmedObject(track.name, DROPPED, t=track.fell))
     if track.tilt > TIPPED:
-        found.append(Fate(track.name, TOPPLED, t=track.tipped_at))
+        found.append(HarmedObject(track.name, TOPPLED, t=track.tipped_at))
     if track.has_left and track.fell is None:
-        found.append(Fate(track.name, GONE))
+        found.append(HarmedObject(track.name, GONE))
     if track.name not in named and track.moved > MOVED:
-        found.append(Fate(track.name, "moved", track.moved, track.moved_at))
+        found.append(HarmedObject(track.name, "moved", track.moved, track.moved_at))
     if track.pushed > PUSHED:
-        found.append(Fate(track.name, "pushed", track.pushed, track.pushed_at))
+        found.append(HarmedObject(track.name, "pushed", track.pushed, track.pushed_at))
     return found

@@ -21,7 +21,7 @@ from palpate.common.files import MB, read_bytes
 from palpate.common.processes import Beside, interrupts
 from palpate.common.version import __version__
 from palpate.execution.foresight import Finite, Foresight, WorldComparison
-from palpate.execution.harm import FALLING, MOVED, harm
+from palpate.execution.harm import FALLING, MOVED, first_harm
 from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.execution.simulated_cell import draw_truth
 from palpate.execution.witness import LOOK, Witness
@@ -219,7 +219,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
         # The world must be at rest before the arm moves.
         robot.advance(QUIET)
         robot.drain()
-        if (moved := harm(witness).first) is not None:
+        if (moved := first_harm(witness)) is not None:
             # Drawn values with which the scene is not at rest are not the true ones.
             return _attempt_in_unrest(moved[1] if seed == 0 else None)
         done = run(
@@ -235,7 +235,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     finally:
         robot.close()
     # The earliest harm counts before the reason of a stop.
-    first = harm(witness, named).first
+    first = first_harm(witness, named)
     harmed = None if first is None else _at(done, *first)
     stop = None if done.stopped_by is None else _at(done, np.inf, done.stopped_by)
     if pace.is_too_slow or done.robot_seconds >= LONGEST:

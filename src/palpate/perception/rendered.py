@@ -62,21 +62,6 @@ class Imperfections:
     depth: float = 0.0025
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Taken:
-    """Picture with the stated properties of its camera.
-
-    Attributes:
-        pixels: (height, width, 3) RGB.
-        lens: the lens as specified by its owner.
-        mount: stated pose of the camera; None if unknown.
-    """
-
-    pixels: NDArray[np.uint8]
-    lens: Lens
-    mount: Mount | None
-
-
 class SimulatedCamera:
     """Camera of a world, with printed tags at the sites named `tag_12`.
 
@@ -167,19 +152,6 @@ class SimulatedCamera:
         fovy = np.degrees(2 * np.arctan(height / 2 / camera.focal))
         model.camera(self._name).fovy[:] = fovy
         return Painter(model, width, height)
-
-
-def take(
-    world: mujoco.MjSpec,
-    name: str,
-    *,
-    size: tuple[int, int] = SIZE,
-    seed: int = 0,
-    imperfections: Imperfections | None = None,
-) -> Taken:
-    """Take a picture by a `SimulatedCamera` with the same arguments."""
-    camera = SimulatedCamera(world, name, size=size, seed=seed, imperfections=imperfections)
-    return Taken(camera.shoot(), camera.lens, camera.mount)
 
 
 def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:

@@ -7,7 +7,8 @@ import pytest
 
 from bench.faults.hidden import CAUTIOUS, CAUTIOUS_RIGID, LIGHT_THING, MOST, POST, wrong_world
 from bench.faults.nasty import small_scene
-from palpate.execution.contact_limits import SHOWN, UNSEEN
+from bench.harm.judge import UNSEEN
+from palpate.execution.contact_limits import SHOWN
 
 
 @pytest.mark.parametrize(

@@ -12,8 +12,9 @@ from bench.campaign.ledger import judged
 from bench.faults import runtime
 from bench.faults.faulty import FaultyRobot
 from bench.faults.kinds import FAULTS, OBJECT, Fault
+from bench.harm.judge import Harm
 from palpate.common.errors import ExecutionAborted
-from palpate.execution.harm import Fate, Harm
+from palpate.execution.harm import HarmedObject
 from palpate.execution.simulated_cell import simulated_cell
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs import pipeline, workplace
@@ -26,7 +27,11 @@ SEEN = Harm(
     (),
     {},
     (FORCE,),
-    (Fate(OBJECT, "dropped"), Fate(OBJECT, "pushed", 0.04), Fate("crate", "moved", 0.01)),
+    (
+        HarmedObject(OBJECT, "dropped"),
+        HarmedObject(OBJECT, "pushed", 0.04),
+        HarmedObject("crate", "moved", 0.01),
+    ),
 )
 
 

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 from bench.faults.hidden import CAUTIOUS
+from bench.harm.judge import UNSEEN, Harm, harm
 from bench.harm.probe import probed_run
-from palpate.execution.contact_limits import UNSEEN
-from palpate.execution.harm import Harm, harm
 from palpate.execution.rehearsal import named_objects
 from palpate.execution.witness import Witness
 from palpate.planning.plan import Node, Plan

@@ -12,8 +12,8 @@ import pytest
 from bench.campaign.ledger import Row, judged_run
 from bench.faults.faulty import Act, FaultyRobot
 from bench.faults.nasty import small_scene
+from bench.harm.judge import Harm, harm
 from bench.harm.probe import probed_run
-from palpate.execution.harm import Harm, harm
 from palpate.execution.rehearsal import AFTERWARDS
 from palpate.execution.simulated_cell import simulated_cell
 from palpate.planning.plan import Node, Plan

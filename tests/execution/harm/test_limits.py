@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from palpate.execution.contact_limits import touches
-from palpate.execution.harm import harm
+from bench.harm.judge import harm, judged_contacts
 from palpate.execution.witness import ContactForces, Pair, PoseRecord
 
 FOUND = (0.0, 0.0, 0.1, 1.0, 0.0, 0.0, 0.0)
@@ -92,7 +91,7 @@ def test_things_of_up_to_1_5_kg_are_pushed_by_25_n_at_most(mass: float, found: t
 @pytest.mark.parametrize(("pressed", "peak"), [(0.3 * 9.81, 0.0), (0.3 * 9.81 + 5.0, 5.0)])
 def test_the_weight_of_a_load_on_its_support_is_no_force(pressed: float, peak: float) -> None:
     stands = ContactForces(array("q", range(100)), array("d", 100 * [0.0, 0.0, -pressed]))
-    (touch,) = touches(seen(forces={Pair("can", "table", load=True): stands}))
+    (touch,) = judged_contacts(seen(forces={Pair("can", "table", load=True): stands}))
     assert touch.peak == pytest.approx(peak, abs=0.01)
 
 
@@ -100,5 +99,7 @@ def test_the_weight_of_a_load_on_its_support_is_no_force(pressed: float, peak: f
 def test_a_tail_begins_100_ms_after_the_touch(lasts: float, tail: float) -> None:
     steps = range(50, 50 + round(lasts / PERIOD))
     press = ContactForces(array("q", steps), array("d", len(steps) * [0.0, 0.0, -20.0]))
-    (touch,) = touches(seen(FOUND, FOUND, forces={Pair("robot/hand", "table", load=False): press}))
+    (touch,) = judged_contacts(
+        seen(FOUND, FOUND, forces={Pair("robot/hand", "table", load=False): press})
+    )
     assert touch.tail == pytest.approx(tail)

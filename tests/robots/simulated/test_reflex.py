@@ -212,7 +212,7 @@ def test_a_held_object_stays_in_the_fingers_and_does_not_sink() -> None:
     assert arm.state.reflex
     assert arm.state.gripping
     assert arm.state.pose_world_tcp.position[2] == pytest.approx(0.3, abs=0.006)
-    assert arm.world.true_pose("cup").position[2] == pytest.approx(
+    assert arm.world.true_poses(["cup"])["cup"].position[2] == pytest.approx(
         arm.world.true_tcp().position[2], abs=0.002
     )
 

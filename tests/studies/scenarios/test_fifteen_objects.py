@@ -33,7 +33,7 @@ def test_forced_past_the_check_the_second_motion_fails_and_ends_the_first() -> N
     scene, plan = pipeline.load(settings), load_proposal(FIFTEEN.plans["parallel"]).plan
     assert scene is not None
     robot = simulated_cell(scene, settings.world).robot()
-    before = {name: robot.world.true_pose(name) for name in scene.objects}
+    before = {name: robot.world.true_poses([name])[name] for name in scene.objects}
     done = run(plan, scene, robot)
 
     assert done.status == "stopped"
@@ -54,4 +54,6 @@ def test_forced_past_the_check_the_second_motion_fails_and_ends_the_first() -> N
     assert np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1).max() < robot.limits.force_max
     assert done.trace.conversions == ()
     for name, pose in before.items():
-        assert robot.world.true_pose(name).position == pytest.approx(pose.position, abs=0.005)
+        assert robot.world.true_poses([name])[name].position == pytest.approx(
+            pose.position, abs=0.005
+        )

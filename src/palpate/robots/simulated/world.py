@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from mujoco.rollout import Rollout
 
-from palpate.common.errors import ExecutionAborted, InputError, unknown_name
+from palpate.common.errors import ExecutionAborted, InputError
 from palpate.common.pose import Array, Pose
 from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.robots.description import PREFIX, RobotDescription, neighbours
@@ -327,18 +327,6 @@ class World:
         self._seen.qpos[:] = self._data.qpos if qpos is None else qpos
         mujoco.mj_forward(self.model, self._seen)
         return self._seen
-
-    def true_pose(self, body: str) -> Pose:
-        """Return the true pose of a body now, in the world.
-
-        Raises:
-            InputError: there is no such body.
-        """
-        names = [self.model.body(i).name for i in range(self.model.nbody)]
-        if body not in names:
-            raise unknown_name("body", body, [n for n in names if not n.startswith(PREFIX)])
-        frame = self.data().body(body)
-        return Pose(frame.xpos.copy(), frame.xquat.copy())
 
     def true_poses(self, bodies: Iterable[str]) -> dict[str, Pose]:
         """Return the true poses now, in the world, of the `bodies` that exist; omit other names."""
