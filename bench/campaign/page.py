@@ -8,7 +8,7 @@ from html import escape
 
 from bench.campaign.ledger import Row
 from bench.harm.judge import UNSEEN
-from palpate.execution.contact_limits import SHOWN
+from palpate.execution.harm import SHOWN
 from palpate.runs.report.page import style as shared_style
 
 TITLES = {

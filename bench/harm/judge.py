@@ -13,8 +13,18 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from palpate.common.pose import Array
-from palpate.execution.contact_limits import SHOWN, ContactRecord, Figures, running_mean, touches
-from palpate.execution.harm import FALLS, HarmedObject, harms, tracks, untouched_spells
+from palpate.execution.harm import (
+    FALLS,
+    SHOWN,
+    ContactRecord,
+    Figures,
+    HarmedObject,
+    harms,
+    running_mean,
+    touches,
+    tracks,
+    untouched_spells,
+)
 from palpate.execution.witness import Mask, Witness
 
 OVER = 65.0

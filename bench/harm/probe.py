@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from bench.harm.judge import UNSEEN, Harm, harm
-from palpate.execution.contact_limits import SHOWN, Figures
+from palpate.execution.harm import SHOWN, Figures
 from palpate.execution.recovery import OnFailure
 from palpate.execution.rehearsal import AFTERWARDS, named_objects
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell

@@ -8,7 +8,7 @@ import pytest
 from bench.faults.hidden import CAUTIOUS, CAUTIOUS_RIGID, LIGHT_THING, MOST, POST, wrong_world
 from bench.faults.nasty import small_scene
 from bench.harm.judge import UNSEEN
-from palpate.execution.contact_limits import SHOWN
+from palpate.execution.harm import SHOWN
 
 
 @pytest.mark.parametrize(
