@@ -21,12 +21,9 @@ if TYPE_CHECKING:
     from palpate.scene.poses import CameraEntry
 
 
-DECIMALS = 4
-"""Decimals of taught values: 0.1 mm and 0.1 mrad, finer than a hand can be guided."""
-LEVEL = math.cos(math.radians(10.0))
-"""Cosine of the largest tilt of a hand that points down."""
-APART = 0.003
-"""m, largest difference of a measured width from the scene's, as in `CloseGripper`."""
+DECIMALS = 4  # Decimals of taught values: 0.1 mm and 0.1 mrad, finer than a hand can be guided
+LEVEL = math.cos(math.radians(10.0))  # Cosine of the largest tilt of a hand that points down
+APART = 0.003  # m, largest difference of a measured width from the scene's, as in `CloseGripper`
 
 
 class GuidedHand(Protocol):
@@ -47,18 +44,13 @@ class GuidedHand(Protocol):
 
 @dataclass(slots=True)
 class Lesson:
-    """Poses taught for a scene so far.
+    """Poses taught for a scene so far."""
 
-    Attributes:
-        scene: D.
-        objects, places: entries of poses.yaml.
-        others: other sections of the file.
-    """
-
-    scene: Scene
+    scene: Scene  # D
+    # objects, places: entries of poses.yaml.
     objects: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
     places: dict[str, dict[str, Any]] = field(default_factory=dict[str, dict[str, Any]])
-    others: dict[str, Any] = field(default_factory=dict[str, Any])
+    others: dict[str, Any] = field(default_factory=dict[str, Any])  # other sections of the file
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -163,8 +155,8 @@ def _coordinates(pose: Pose) -> str:
 # Interfaces of a workplace, and of the driver of one kind of real robot.
 
 
+# Result of one diagnostic check: passed, name of the check, value or remedy.
 Finding = tuple[bool, str, str]
-"""Result of one diagnostic check: passed, name of the check, value or remedy."""
 
 
 class Cell(Protocol):
@@ -225,18 +217,15 @@ class Driver:
     """Factory of the cells of one kind of robot.
 
     It is public in a module that an entry point of the group `palpate.cells` names.
-
-    Attributes:
-        scheme: scheme of the robot's URLs, e.g. `franky` for `franky://HOST`.
-        connect: makes the cell at a URL, for a scene. Without a scene (the plan is made from a picture
-            alone) only the cell's `picture` is called.
-        examine: yields the findings of `palpate doctor --robot` on the robot at a URL with this
-            description. The last argument asks for permission to hold a position for some seconds.
-            None without diagnostics.
-        guided: the hand of the robot at a URL, for guiding by a person; None if it cannot be guided.
     """
 
-    scheme: str
+    scheme: str  # scheme of the robot's URLs, e.g. `franky` for `franky://HOST`.
+    # Makes the cell at a URL, for a scene. Without a scene (the plan is made from a picture alone)
+    # only the cell's `picture` is called.
     connect: Callable[[str, Scene | None], Cell]
+    # Yields the findings of `palpate doctor --robot` on the robot at a URL with this description.
+    # The last argument asks for permission to hold a position for some seconds. None without
+    # diagnostics.
     examine: Callable[[str, RobotDescription, Callable[[], bool]], Iterator[Finding]] | None = None
+    # The hand of the robot at a URL, for guiding by a person; None if it cannot be guided.
     guided: Callable[[str, Scene], GuidedHand] | None = None

@@ -22,19 +22,15 @@ from palpate.primitives.state import SymbolicState
 from palpate.robots.sheet import finite_array
 from palpate.robots.simulated.world import World
 
+# m, least difference of positions that is corrected. Smaller ones come from the softness of
+# simulated contacts and the scatter of real grasps.
 NOTICED = 1e-3
-"""m, least difference of positions that is corrected.
-
-Smaller ones come from the softness of simulated contacts and the scatter of real grasps.
-"""
 TURNED = 0.02  # rad, least difference of attitudes that is corrected
 OTHER_WIDTH = 0.005  # m, largest difference of the fingers' widths in rehearsal and run, plus a seen object's doubt
 FARTHEST = 0.1  # m, largest valid shift of an object in a stored rehearsal
+# Factor on the rehearsed weights, and margin in N: largest difference of a weight in the run. The
+# factor is that of the priors of masses. The margin is due to joint friction.
 OTHER_WEIGHT, UNSURE = 3.0, 3.0
-"""Factor on the rehearsed weights, and margin in N: largest difference of a weight in the run.
-
-The factor is that of the priors of masses. The margin is due to joint friction.
-"""
 
 
 def _shift(row: Any) -> Pose:
@@ -56,19 +52,16 @@ Finite = Annotated[float, Field(allow_inf_nan=False)]
 
 @dataclass(frozen=True, slots=True)
 class Foresight:
-    """Observations of a rehearsal.
-
-    Attributes:
-        shifts: pose of the simulated object in the frame of the believed one, by path of a leaf and name
-            of the object. For a held object, both are poses in the hand.
-        widths: m between the fingers after a leaf, by its path, while they hold an object.
-        weights: N, least and largest weight of each object in all worlds.
-    """
+    """Observations of a rehearsal."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
+    # Pose of the simulated object in the frame of the believed one, by path of a leaf and name of
+    # the object. For a held object, both are poses in the hand.
     shifts: Mapping[str, Mapping[str, Shift]] = field(default_factory=dict[str, Mapping[str, Pose]])
+    # m between the fingers after a leaf, by its path, while they hold an object.
     widths: Mapping[str, Finite] = field(default_factory=dict[str, float])
+    # N, least and largest weight of each object in all worlds.
     weights: Mapping[str, tuple[Finite, Finite]] = field(
         default_factory=dict[str, tuple[float, float]]
     )

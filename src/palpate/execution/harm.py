@@ -21,54 +21,37 @@ if TYPE_CHECKING:
 # one. The other limits are this project's own.
 
 
-LIGHT = 1.5
-"""kg, largest mass of a light object; heavier ones count as fixed."""
+LIGHT = 1.5  # kg, largest mass of a light object; heavier ones count as fixed
 
 
 @dataclass(frozen=True)
 class Figures:
-    """Limits of a contact, N.
+    """Limits of a contact, N."""
 
-    Attributes:
-        mean10, mean20: limits of running means over 10 and 20 ms.
-        sideways: limit of horizontal 10 ms means on light free objects.
-    """
-
+    # mean10, mean20: limits of running means over 10 and 20 ms.
     mean10: float = 65.0
     mean20: float = 45.0
-    sideways: float = 25.0
+    sideways: float = 25.0  # limit of horizontal 10 ms means on light free objects
 
 
-SHOWN = Figures()
-"""Limits for bodies of the scene."""
+SHOWN = Figures()  # Limits for bodies of the scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ContactRecord:
-    """Contact of a body with the robot or the held object; forces in N, times in s.
+    """Contact of a body with the robot or the held object; forces in N, times in s."""
 
-    Attributes:
-        thing: name of the touched body.
-        part: body of the robot, or held object, with the largest force.
-        load: `part` is the held object.
-        light: the touched body is a free object of at most `LIGHT`.
-        magnitude: (n,) sum of the magnitudes of all contacts in each physics step.
-        mean10, mean20: largest running means of the magnitude over 10 and 20 ms.
-        hardest: s, time of the largest 10 ms mean.
-        sideways: largest horizontal 10 ms mean without a support from the other side.
-        vertical: the largest force was more vertical than horizontal.
-    """
-
-    thing: str
-    part: str
-    load: bool
-    light: bool
-    magnitude: Array
+    thing: str  # name of the touched body
+    part: str  # body of the robot, or held object, with the largest force
+    load: bool  # `part` is the held object
+    light: bool  # the touched body is a free object of at most `LIGHT`
+    magnitude: Array  # (n,) sum of the magnitudes of all contacts in each physics step
+    # mean10, mean20: largest running means of the magnitude over 10 and 20 ms.
     mean10: float
     mean20: float
-    hardest: float
-    sideways: float
-    vertical: bool
+    hardest: float  # s, time of the largest 10 ms mean
+    sideways: float  # largest horizontal 10 ms mean without a support from the other side
+    vertical: bool  # the largest force was more vertical than horizontal
 
     def beyond(self, figures: Figures) -> Iterator[str]:
         """Exceeded limits, as text."""
@@ -150,20 +133,14 @@ def running_mean(values: Array, window: float, dt: float) -> Array:
 # Falls, and objects that were moved.
 
 
-TIPPED = np.deg2rad(15)
-"""rad, largest allowed tilt from the first attitude."""
-MOVED = 0.005
-"""m, largest allowed displacement of an object that the plan does not name."""
-PUSHED = 0.025
-"""m, largest allowed displacement of an object that is not held."""
+TIPPED = np.deg2rad(15)  # rad, largest allowed tilt from the first attitude
+MOVED = 0.005  # m, largest allowed displacement of an object that the plan does not name
+PUSHED = 0.025  # m, largest allowed displacement of an object that is not held
 
 DROPPED, TOPPLED, GONE = FALLS = ("dropped", "tipped", "left its place")
-FALLEN = 0.013
-"""m of free fall, after which the speed is 0.5 m/s."""
-FALLING = 0.5
-"""m/s, speed downwards outside the hand that counts as a fall."""
-LEFT = 0.05
-"""m below its first height at which an object has left its support."""
+FALLEN = 0.013  # m of free fall, after which the speed is 0.5 m/s
+FALLING = 0.5  # m/s, speed downwards outside the hand that counts as a fall
+LEFT = 0.05  # m below its first height at which an object has left its support
 UP = (0.0, 0.0, 1.0)
 
 
@@ -261,17 +238,12 @@ def _push_distance(at: Array, held: Mask) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class HarmedObject:
-    """Harm to an object.
-
-    Attributes:
-        what: one of `FALLS`, or `moved` (the plan does not name it), or `pushed`.
-        way: m, distance that it was moved or pushed.
-        t: s, time of the harm; inf for harm that shows only at the end.
-    """
+    """Harm to an object."""
 
     name: str
-    what: str
-    way: float = 0.0
+    what: str  # one of `FALLS`, or `moved` (the plan does not name it), or `pushed`
+    way: float = 0.0  # m, distance that it was moved or pushed
+    # s, time of the harm; inf for harm that shows only at the end.
     t: float = field(default=np.inf, compare=False)
 
     def __str__(self) -> str:

@@ -34,12 +34,12 @@ log = logging.getLogger(__name__)
 
 OnFailure = Literal["stop", "skip", "replan"]
 Runner = Callable[[Plan, Scene, Robot], "Execution"]
+# Test of a further plan before it moves the robot, for example by a rehearsal.
 MayRun = Callable[[Plan, Scene], bool]
-"""Test of a further plan before it moves the robot, for example by a rehearsal."""
+# Question to a person, with the reason of a real robot's stop; True means continue.
 Resume = Callable[[str], bool]
-"""Question to a person, with the reason of a real robot's stop; True means continue."""
+# Number of failures at one object after which it is left out, by policy.
 ATTEMPTS = {"stop": 0, "skip": 1, "replan": 3}
-"""Number of failures at one object after which it is left out, by policy."""
 
 
 def nobody(_: str) -> bool:
@@ -226,22 +226,17 @@ def join_executions(first: Execution, second: Execution, prefix: str) -> Executi
 
 
 MAX_ROUNDS = 5  # Largest number of rounds of repetition
+# Largest number of repetitions in one round, since the noise of the first round is uncertain.
 MOST_TIMES = 4
-"""Largest number of repetitions in one round, since the noise of the first round is uncertain."""
+# s of robot time of further rounds after which no new round begins. In a third of a drift's time
+# constant (300 s, `robots/simulated/noise/lab.yaml`) the arm changes noticeably. The cost of an
+# estimate grows with the cube of its data. A round of twelve grasps of a hammer takes 115 s.
 LONGEST = 100.0
-"""s of robot time of further rounds after which no new round begins.
-
-In a third of a drift's time constant (300 s, `robots/simulated/noise/lab.yaml`) the arm changes
-noticeably. The cost of an estimate grows with the cube of its data. A round of twelve grasps of a
-hammer takes 115 s.
-"""
+# Largest ratio of an interval to the one two rounds before, for another round to follow. The noise
+# level is learned again after each round, so that one round alone may widen an interval.
 FUTILE = 0.98
-"""Largest ratio of an interval to the one two rounds before, for another round to follow.
 
-The noise level is learned again after each round, so that one round alone may widen an interval."""
-
-Lacking = dict[Parameter, Precision]
-"""Parameter with a wider interval than requested."""
+Lacking = dict[Parameter, Precision]  # Parameter with a wider interval than requested
 
 
 def repeat(

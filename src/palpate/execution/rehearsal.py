@@ -34,47 +34,33 @@ from palpate.robots.owner import measured_arm
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
 
+# s of observation after the end of a run. An object released in the last moment falls or tips over
+# in a shorter time.
 AFTERWARDS = 1.0
-"""s of observation after the end of a run.
-
-An object released in the last moment falls or tips over in a shorter time.
-"""
-DRAWS = 2
-"""Number of worlds drawn from the priors of open values, in addition to the believed one."""
+DRAWS = 2  # Number of worlds drawn from the priors of open values, in addition to the believed one
+# s, longest robot time of a rehearsal; a longer plan must be split into several runs.
 LONGEST = 600.0
-"""s, longest robot time of a rehearsal; a longer plan must be split into several runs."""
+# Factor on `LONGEST` that the predicted time must exceed for an early stop of the rehearsal. The
+# durations of motions of one kind vary by less than this factor.
 LONGER = 1.5
-"""Factor on `LONGEST` that the predicted time must exceed for an early stop of the rehearsal.
-
-The durations of motions of one kind vary by less than this factor.
-"""
 ALIKE = 5  # Least number of motions of a kind for a prediction of its duration
+# s of rest before the run, which its time excludes: an object that moves now is not at rest.
 QUIET = 2.0
-"""s of rest before the run, which its time excludes: an object that moves now is not at rest."""
 
 
 @dataclass(frozen=True, slots=True)
 class Rehearsal:
-    """Prediction of a run.
-
-    Attributes:
-        actions: number of leaves started in the believed world.
-        robot_seconds: s, there.
-        peak_force: N, largest external force at the TCP, there.
-        failure: reason why the plan must not run, or None.
-        draws: worlds in which it was rehearsed.
-        path: leaf of the plan where the failure happened; the tree for the whole plan.
-        foresight: final poses of the objects after each leaf, in the believed world.
-    """
+    """Prediction of a run."""
 
     __pydantic_config__: ClassVar[ConfigDict] = ConfigDict(extra="forbid")
 
-    actions: int
-    robot_seconds: Finite
-    peak_force: Finite
-    failure: str | None
-    draws: int = 1
-    path: str = "tree"
+    actions: int  # number of leaves started in the believed world
+    robot_seconds: Finite  # s, there
+    peak_force: Finite  # N, largest external force at the TCP, there
+    failure: str | None  # reason why the plan must not run, or None
+    draws: int = 1  # worlds in which it was rehearsed
+    path: str = "tree"  # leaf of the plan where the failure happened; the tree for the whole plan
+    # Final poses of the objects after each leaf, in the believed world.
     foresight: Foresight = field(default=Foresight(), compare=False, repr=False)
 
     @property
@@ -99,20 +85,14 @@ class Rehearsal:
 
 @dataclass(frozen=True, slots=True)
 class _Attempt:
-    """Outcome of a rehearsal in one world, small enough to be sent between processes.
-
-    Attributes:
-        harm: path of a leaf and the harm that it did, None for a harmless run.
-        stop: path of a leaf and the reason why the run stopped there.
-        foresight: final poses of the objects after each leaf.
-    """
+    """Outcome of a rehearsal in one world, small enough to be sent between processes."""
 
     actions: int
     robot_seconds: float
     peak_force: float
-    harm: tuple[str, str] | None
-    stop: tuple[str, str] | None
-    foresight: Foresight
+    harm: tuple[str, str] | None  # path of a leaf and the harm that it did, None for a harmless run
+    stop: tuple[str, str] | None  # path of a leaf and the reason why the run stopped there
+    foresight: Foresight  # final poses of the objects after each leaf
 
 
 class TimePrediction:
@@ -314,8 +294,7 @@ def _first_displacement(
 
 
 FILE = "rehearsal.json"
-MOST = 2 * MB
-"""Bytes, largest size of such a file; fifteen objects take 0.2 MB."""
+MOST = 2 * MB  # Bytes, largest size of such a file; fifteen objects take 0.2 MB
 
 
 @dataclass(frozen=True, slots=True)

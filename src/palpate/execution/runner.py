@@ -35,78 +35,53 @@ LONGEST_WAIT = 0.08  # s between two ticks while no leaf needs one: 1 mm of a pr
 MAX_ROBOT_SECONDS = 1800.0  # s, largest robot time of a whole run
 STOP_SECONDS = 2.0  # s of robot time for the arm to come to rest after `hold`
 EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a fraction of it
+# Estimators of the conversions during a run, by quantity; others are the defaults. Reported values
+# are estimated after the run, from all recordings.
 MEANWHILE: Mapping[str, str] = {"mass": "rests-and-passes"}
-"""Estimators of the conversions during a run, by quantity; others are the defaults.
-
-Reported values are estimated after the run, from all recordings.
-"""
+# Estimators for a robot without noise, by quantity. Its forces have no bias. The default estimator
+# removes the bias by a contrast, at a large cost.
 NOISELESS: Mapping[str, str] = {"mass": "single-shot"}
-"""Estimators for a robot without noise, by quantity.
-
-Its forces have no bias. The default estimator removes the bias by a contrast, at a large cost.
-"""
+# `LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node.
 STOP_NODE = "stop"
-"""`LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node."""
 
+# Function that returns the origin of a request to stop the run; None without one.
 StopRequest = Callable[[], str | None]
-"""Function that returns the origin of a request to stop the run; None without one."""
+# Writer of a growing trace, called after every tick with the newest samples and all recordings. An
+# exception of the writer ends only the writing.
 Keep = Callable[[Samples, Recorder], None]
-"""Writer of a growing trace, called after every tick with the newest samples and all recordings.
-
-An exception of the writer ends only the writing.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Execution:
-    """Result of an execution.
+    """Result of an execution."""
 
-    Attributes:
-        trace: everything recorded, up to and including a controlled stop.
-        status: `complete` when the tree succeeded, else `stopped`.
-        stopped_by: the reason, in one sentence; None when complete.
-        final_state: the believed cell at the end.
-        actions: number of the plan's leaves that were started.
-        robot_seconds, wall_seconds: duration.
-        setbacks: reasons of earlier stops after which the run was continued (see
-            `palpate.execution.recovery`).
-        asked: a person or the caller requested the stop.
-        fault: reason not to trust the robot's signals, or not to move the robot; None without a fault.
-        reflex: reason of the arm's own stop, which ended the run; None without one.
-        held: object in the fingers at the stop, and its fate; None without one.
-    """
-
-    trace: Trace
-    status: Literal["complete", "stopped"]
-    stopped_by: str | None
-    final_state: SymbolicState
-    actions: int
+    trace: Trace  # everything recorded, up to and including a controlled stop
+    status: Literal["complete", "stopped"]  # `complete` when the tree succeeded, else `stopped`
+    stopped_by: str | None  # the reason, in one sentence; None when complete
+    final_state: SymbolicState  # the believed cell at the end
+    actions: int  # number of the plan's leaves that were started
+    # robot_seconds, wall_seconds: duration.
     robot_seconds: float
     wall_seconds: float
+    # Reasons of earlier stops after which the run was continued (see `palpate.execution.recovery`).
     setbacks: tuple[str, ...] = ()
-    asked: bool = False
+    asked: bool = False  # a person or the caller requested the stop
+    # Reason not to trust the robot's signals, or not to move the robot; None without a fault.
     fault: str | None = None
-    reflex: str | None = None
+    reflex: str | None = None  # reason of the arm's own stop, which ended the run; None without one
+    # Object in the fingers at the stop, and its fate; None without one.
     held: HeldObject | None = None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Snapshot:
-    """State shown to an observer after a tick.
+    """State shown to an observer after a tick."""
 
-    Attributes:
-        root: the plan's tree.
-        robot: the cached state.
-        elapsed: robot time since the start, s.
-        leaves: leaves that have ended so far.
-        stopping: reason why the run is being stopped; None while it is not.
-    """
-
-    root: Behaviour
-    robot: RobotState
-    elapsed: float
-    leaves: Sequence[LeafRun]
-    stopping: str | None = None
+    root: Behaviour  # the plan's tree
+    robot: RobotState  # the cached state
+    elapsed: float  # robot time since the start, s
+    leaves: Sequence[LeafRun]  # leaves that have ended so far
+    stopping: str | None = None  # reason why the run is being stopped; None while it is not
 
 
 class Observer(Protocol):

@@ -34,42 +34,32 @@ if TYPE_CHECKING:
     from palpate.scene.poses import CameraEntry
 
 
-SIZE_TOLERANCE = 0.02
-"""Largest difference of an object's extents in scene and world, m."""
+SIZE_TOLERANCE = 0.02  # Largest difference of an object's extents in scene and world, m
+# Largest distance of the arm's base in the world from its place in the scene, m.
 BASE_TOLERANCE = 0.05
-"""Largest distance of the arm's base in the world from its place in the scene, m."""
+# Least dot product of the base's quaternions in world and scene, cos(5°/2): a rotation of 5°.
 TURNED = float(np.cos(np.radians(2.5)))
-"""Least dot product of the base's quaternions in world and scene, cos(5°/2): a rotation of 5°."""
-NEAR = 0.10
-"""Largest horizontal distance of an object in the world from its place in a picture, m."""
+NEAR = 0.10  # Largest horizontal distance of an object in the world from its place in a picture, m
+# Description of a cell whose truth is drawn from priors.
 DRAWN = "simulated from the scene, its unknowns drawn from priors"
-"""Description of a cell whose truth is drawn from priors."""
 
 
 @dataclass(slots=True, eq=False)
 class SimulatedCell:
-    """A world from MJCF, and its true values. Implements `palpate.execution.cell.Cell`.
+    """A world from MJCF, and its true values. Implements `palpate.execution.cell.Cell`."""
 
-    Attributes:
-        world: the world as a scene: a separate world (`palpate.scene.load.as_world`), or D.
-        drawn: values drawn from priors, for a world made from D.
-        description: for the report.
-        noise: noise model of the robot, by name or file.
-        seed: seed of all random numbers in it.
-        scene: D, the owner's knowledge of the workplace; None for the world itself.
-        visit: the same robot on another day, see `MujocoRobot`.
-        names: the world's names of the scene's bodies, where they differ.
-    """
-
-    world: Scene
+    world: Scene  # the world as a scene: a separate world (`palpate.scene.load.as_world`), or D
+    # Values drawn from priors, for a world made from D.
     drawn: Mapping[Parameter, tuple[float, ...]] = field(
         default_factory=dict[Parameter, tuple[float, ...]]
     )
-    description: str = "simulated world"
-    noise: str = DEFAULT_LEVEL
-    seed: int = 0
+    description: str = "simulated world"  # for the report
+    noise: str = DEFAULT_LEVEL  # noise model of the robot, by name or file
+    seed: int = 0  # seed of all random numbers in it
+    # D, the owner's knowledge of the workplace; None for the world itself.
     scene: Scene | None = None
-    visit: int = 0
+    visit: int = 0  # the same robot on another day, see `MujocoRobot`
+    # The world's names of the scene's bodies, where they differ.
     names: Mapping[str, str] = field(default_factory=dict[str, str])
     _robot: MujocoRobot | None = field(default=None, init=False, repr=False)
     _spec: MjSpec | None = field(default=None, init=False, repr=False)

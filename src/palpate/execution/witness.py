@@ -22,26 +22,20 @@ if TYPE_CHECKING:
     from palpate.robots.simulated.world import World
 
 
-ALONG = 0.7
-"""Least cosine between a contact normal and the closing axis for a contact of a grip."""
-LET_GO = 0.02
-"""s without grip contacts until an object counts as released."""
-LOOK = 10
-"""Physics steps between two records of the poses: 5 ms. A fall of 13 mm takes 51 ms."""
-LEANING = 0.7
-"""Largest |n_z| of the normal of a contact that supports an object sideways."""
+ALONG = 0.7  # Least cosine between a contact normal and the closing axis for a contact of a grip
+LET_GO = 0.02  # s without grip contacts until an object counts as released
+LOOK = 10  # Physics steps between two records of the poses: 5 ms. A fall of 13 mm takes 51 ms.
+LEANING = 0.7  # Largest |n_z| of the normal of a contact that supports an object sideways
+# Least cosine between a push and the opposing normal for a contact that resists the push.
 FACING = 0.5
-"""Least cosine between a push and the opposing normal for a contact that resists the push."""
-SHOVED = 25.0
-"""N, least horizontal force for which the supports of the object are tested."""
+SHOVED = 25.0  # N, least horizontal force for which the supports of the object are tested
 BALL = int(mujoco.mjtGeom.mjGEOM_SPHERE)
+# Types of geoms of revolution about their z axis.
 REVOLVED = (int(mujoco.mjtGeom.mjGEOM_CYLINDER), int(mujoco.mjtGeom.mjGEOM_CAPSULE))
-"""Types of geoms of revolution about their z axis."""
 
 Ints = NDArray[np.int32]
 Mask = NDArray[np.bool_]
-Frames = list[list[float]]
-"""Contacts' axes in the world: normal, two tangents."""
+Frames = list[list[float]]  # Contacts' axes in the world: normal, two tangents
 
 
 class Pair(NamedTuple):
@@ -49,22 +43,17 @@ class Pair(NamedTuple):
 
     part: str
     thing: str
-    load: bool
-    """The part is the gripped object."""
+    load: bool  # The part is the gripped object
 
 
 @dataclass(slots=True)
 class ContactForces:
-    """A pair's contact force, one row for every physics step in which they touched.
+    """A pair's contact force, one row for every physics step in which they touched."""
 
-    Attributes:
-        steps: number of the step.
-        vectors: three components for every step, N, world axes, on the touched body.
-        blocked: steps in which another body supported the touched body sideways.
-    """
-
-    steps: array[int] = field(default_factory=lambda: array("q"))
+    steps: array[int] = field(default_factory=lambda: array("q"))  # number of the step
+    # Three components for every step, N, world axes, on the touched body.
     vectors: array[float] = field(default_factory=lambda: array("d"))
+    # Steps in which another body supported the touched body sideways.
     blocked: set[int] = field(default_factory=set[int])
 
     def first(self, count: int) -> ContactForces:
@@ -78,39 +67,25 @@ class ContactForces:
 
 
 class PoseRecord(NamedTuple):
-    """Poses at one moment.
+    """Poses at one moment."""
 
-    Attributes:
-        step: the physics step.
-        poses: (objects, 7).
-        hand: (4,) quaternion of the hand.
-        held: index of the gripped object, -1 for none.
-        touched: (objects,) touching anything.
-    """
-
-    step: int
-    poses: Array
-    hand: Array
-    held: int
-    touched: Mask
+    step: int  # the physics step
+    poses: Array  # (objects, 7)
+    hand: Array  # (4,) quaternion of the hand
+    held: int  # index of the gripped object, -1 for none
+    touched: Mask  # (objects,) touching anything
 
 
 class Touching(NamedTuple):
-    """Contacts of a step, classified by the held object; independent of the forces.
+    """Contacts of a step, classified by the held object; independent of the forces."""
 
-    Attributes:
-        pairs: the two geoms of each contact.
-        mine: contacts of the robot and of the gripped object.
-        fingers: contacts of a finger with an object: numbers of contact, finger and object.
-        presses: contacts with other bodies: number of the contact, pair, sign of its force.
-        touched: (objects,) touching anything.
-    """
-
-    pairs: list[list[int]]
-    mine: list[int]
+    pairs: list[list[int]]  # the two geoms of each contact
+    mine: list[int]  # contacts of the robot and of the gripped object
+    # Contacts of a finger with an object: numbers of contact, finger and object.
     fingers: list[tuple[int, int, int]]
+    # Contacts with other bodies: number of the contact, pair, sign of its force.
     presses: list[tuple[int, Pair, float]]
-    touched: Mask
+    touched: Mask  # (objects,) touching anything
 
 
 class Witness:

@@ -23,57 +23,42 @@ from palpate.perception.stage import (
 )
 from palpate.scene.camera import Camera
 
-STEP = 0.1
-"""m. Distance of grid lines."""
-LINE, RAISED = 0.0006, 0.0004
-"""m. Half the width of a grid line, and its height above the table."""
-MARGIN = 0.12
-"""m. Ground in view around the objects."""
-ROUNDING = 1e-6
-"""Share of a step. Tolerance for equal lengths."""
+STEP = 0.1  # m. Distance of grid lines.
+LINE, RAISED = 0.0006, 0.0004  # m. Half the width of a grid line, and its height above the table.
+MARGIN = 0.12  # m. Ground in view around the objects.
+ROUNDING = 1e-6  # Share of a step. Tolerance for equal lengths.
 GRID = "palpate_grid"
 INK, HALO = (18, 22, 28), (255, 255, 255)
 AXES = {"x": (196, 30, 34), "y": (22, 130, 52), "z": (28, 84, 196)}
-ARROW = 0.08
-"""m. Length of an axis."""
-HIDDEN = 0.05
-"""m. Depth below the ground from which nothing is visible."""
+ARROW = 0.08  # m. Length of an axis.
+HIDDEN = 0.05  # m. Depth below the ground from which nothing is visible.
+# px and count. Letter height of names, the smaller height for many names, and the number above
+# which it applies.
 TAG, SMALL_TAG, MANY = 20, 15, 8
-"""px and count. Letter height of names, the smaller height for many names, and the number above
-which it applies.
-"""
-FIGURES = 6
-"""Maximum number of labelled grid lines in each direction."""
-OUTSIDE = 0.025
-"""m. Distance of coordinates from the edge of the grid."""
+FIGURES = 6  # Maximum number of labelled grid lines in each direction
+OUTSIDE = 0.025  # m. Distance of coordinates from the edge of the grid.
+# m. Position of the axes relative to the grid's corner, clear of its coordinates.
 CORNER = (-0.13, 0.0)
-"""m. Position of the axes relative to the grid's corner, clear of its coordinates."""
-SIZE = (1024, 768)
-"""px. Width and height of a close-up."""
+SIZE = (1024, 768)  # px. Width and height of a close-up.
+# degrees and ratio. Elevation of the close-up, which shows gaps, and margin for the coordinates at
+# the edges.
 STEEP, EDGE = -46.0, 1.16
-"""degrees and ratio. Elevation of the close-up, which shows gaps, and margin for the coordinates at
-the edges.
-"""
+# Candidate positions of a label relative to its object: horizontal in half widths, vertical in
+# heights. The best is first.
 PLACES = tuple(
     (beside, above)
     for above in (-1.0, -2.0, 0.2, -3.0, -4.0, 1.5, 3.0, -5.5)
     for beside in (0.0, -1.0, 1.0, -1.6, 1.6)
     if beside or above < 0.0
 )
-"""Candidate positions of a label relative to its object: horizontal in half widths, vertical in
-heights. The best is first.
-"""
 
+# Hidden object pixels. Cost of one pixel of distance between label and object, and of a crossing
+# line or an ambiguous label.
 FAR, ASTRAY = 4.0, 2000.0
-"""Hidden object pixels. Cost of one pixel of distance between label and object, and of a crossing
-line or an ambiguous label.
-"""
 
 Pixel = tuple[float, float]
-Box = tuple[float, float, float, float]
-"""Left, top, right and bottom, pixels."""
-Mask = NDArray[np.bool_]
-"""(height, width) boolean picture."""
+Box = tuple[float, float, float, float]  # Left, top, right and bottom, pixels
+Mask = NDArray[np.bool_]  # (height, width) boolean picture
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,12 +17,10 @@ from palpate.perception.detection import frames
 from palpate.perception.lens import Lens, Mount, read_lens
 from palpate.scene.camera import load_image
 
+# px and Hz. Size and rate of the colour and depth streams, available on all D400 cameras.
 WIDTH, HEIGHT, RATE = 1280, 720, 30
-"""px and Hz. Size and rate of the colour and depth streams, available on all D400 cameras."""
-REALSENSE_TIMEOUT = 5000
-"""ms. Maximum wait for a frame."""
-WARM_UP = 15
-"""Frames skipped until the exposure settles."""
+REALSENSE_TIMEOUT = 5000  # ms. Maximum wait for a frame.
+WARM_UP = 15  # Frames skipped until the exposure settles
 
 
 class RealSense:
@@ -111,21 +109,17 @@ class RealSense:
 
 PICTURES = (".png", ".jpg", ".jpeg")
 VIDEOS = (".mp4", ".avi", ".mkv", ".mov", ".webm")
-FRAMES = 10
-"""Number of frames per look from a camera or video."""
-LARGEST = 8192
-"""px. Maximum side of a picture."""
+FRAMES = 10  # Number of frames per look from a camera or video
+LARGEST = 8192  # px. Maximum side of a picture.
 LIVE = "a camera's number, opencv:0, realsense or realsense:SERIAL"
 FORMS = f"FILE.png or .jpg, a video FILE.mp4, {LIVE}, or world:NAME of a simulated world"
 REALSENSE = "realsense"
-STALE = 1.0
-"""s. Maximum age of the newest picture of a running camera."""
-CAMERA_TIMEOUT = 10.0
-"""s. Maximum wait for the first picture of a camera."""
+STALE = 1.0  # s. Maximum age of the newest picture of a running camera.
+CAMERA_TIMEOUT = 10.0  # s. Maximum wait for the first picture of a camera.
 
 Frames = Iterator[NDArray[np.uint8]]
+# (height, width) distances along the view, mm, 0 for none; None for a camera without depth.
 Depth = NDArray[np.uint16] | None
-"""(height, width) distances along the view, mm, 0 for none; None for a camera without depth."""
 
 
 def pictures(

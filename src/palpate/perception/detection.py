@@ -13,20 +13,15 @@ from palpate.common.errors import Unavailable
 from palpate.common.pose import Array, Pose
 from palpate.perception.lens import Lens
 
-TAGS = 587
-"""Number of AprilTags of the family tag36h11."""
-MODULES = 8
-"""Modules along the black square of a tag."""
+TAGS = 587  # Number of AprilTags of the family tag36h11
+MODULES = 8  # Modules along the black square of a tag
+# px. Resolution of a module for decoding. With OpenCV's default of 4, a tenth fewer small tags are
+# read.
 CELL = 8
-"""px. Resolution of a module for decoding. With OpenCV's default of 4, a tenth fewer small tags are
-read.
-"""
-QUIET = 1
-"""Modules. Width of the white margin."""
+QUIET = 1  # Modules. Width of the white margin.
+# (4, 3) corners of a tag in its own frame, in half sides, in detection order.
 CORNERS = np.array([[-1.0, 1.0, 0.0], [1.0, 1.0, 0.0], [1.0, -1.0, 0.0], [-1.0, -1.0, 0.0]])
-"""(4, 3) corners of a tag in its own frame, in half sides, in detection order."""
-WARM_UP = 5
-"""Frames skipped until the exposure of a camera settles."""
+WARM_UP = 5  # Frames skipped until the exposure of a camera settles
 
 Grey = NDArray[np.uint8]
 
@@ -146,24 +141,20 @@ def _dictionary(cv2: Any) -> Any:
 # across each side, to a fraction of a pixel, in the undistorted picture where sides are straight.
 
 
+# Shares of a side at which its edge is sampled. Near the ends the next side interferes.
 ALONG = np.linspace(0.12, 0.88, 32)
-"""Shares of a side at which its edge is sampled. Near the ends the next side interferes."""
+# px. Sample positions across a side. The range contains an edge blurred by a pixel.
 ACROSS = np.arange(-2.5, 2.6, 0.25)
-"""px. Sample positions across a side. The range contains an edge blurred by a pixel."""
-NEXT = 0.6
-"""Modules. Maximum sample distance to either side of an edge, before the next module."""
-FAINT = 1e-6
-"""Minimum weight of an edge sample. Without an edge, the side stays in place."""
+NEXT = 0.6  # Modules. Maximum sample distance to either side of an edge, before the next module.
+FAINT = 1e-6  # Minimum weight of an edge sample. Without an edge, the side stays in place.
+# Searches and pixels. Each search starts at the last sides and ends when no corner moves by more
+# than `DONE`. Two suffice, unless a corner of the paper was detected instead.
 ROUNDS, DONE = 6, 0.03
-"""Searches and pixels. Each search starts at the last sides and ends when no corner moves by more
-than `DONE`. Two suffice, unless a corner of the paper was detected instead.
-"""
+# px. Maximum rms deviation of a side from its line. It is below 0.1 for a tag and above 0.4 for
+# partly occluded sides.
 STRAIGHT = 0.3
-"""px. Maximum rms deviation of a side from its line. It is below 0.1 for a tag and above 0.4 for
-partly occluded sides.
-"""
+# Modules. Maximum distance from the coarse corner, which is at most at the corner of the paper.
 FARTHEST = 1.5
-"""Modules. Maximum distance from the coarse corner, which is at most at the corner of the paper."""
 
 
 def detect(grey: Grey, lens: Lens) -> list[tuple[int, Array]]:

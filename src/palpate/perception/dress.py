@@ -19,48 +19,36 @@ from palpate.perception.prints import ASSETS
 from palpate.perception.renderer import CORNERS, SCENERY, Pixels, geom_rgba
 from palpate.robots.description import PREFIX
 
-WORD = "look:"
-"""Prefix of the `<text>` element with a body's look."""
-HIDDEN, SHOWN = 3, 2
-"""Geom groups of hidden collision shapes and of visible shapes."""
+WORD = "look:"  # Prefix of the `<text>` element with a body's look
+HIDDEN, SHOWN = 3, 2  # Geom groups of hidden collision shapes and of visible shapes
 
-Looks = Mapping[str, str]
-"""Looks by body name."""
+Looks = Mapping[str, str]  # Looks by body name
 
+# Look of supports, and its mesh below the top. The look is fitted to the largest shape alone, the
+# table top without legs.
 TABLE, FRAME = "table", "table_frame"
-"""Look of supports, and its mesh below the top. The look is fitted to the largest shape alone, the
-table top without legs.
-"""
-SHORTEST = 0.15
-"""m. Height below which a table is drawn without its frame."""
+SHORTEST = 0.15  # m. Height below which a table is drawn without its frame.
+# Ratio of the sides, from which on a look is turned so that its longer side is the box's.
 LONGER = 1.001
-"""Ratio of the sides, from which on a look is turned so that its longer side is the box's."""
+# Prefix of materials in the body's own colour, material of a content, class of round looks.
 OWN, CONTENT, ROUND = "own_", "content", "round"
-"""Prefix of materials in the body's own colour, material of a content, class of round looks."""
+# Textures that are drawn with the words of a look and the colour of the body.
 PRINTS: Mapping[str, Callable[[str, prints.Ink], Pixels]] = {
     "label": prints.label,
     "carton": prints.carton,
     "sign": prints.sign,
     "paper_sign": lambda words, _: prints.sign(words, prints.PAPER),
 }
-"""Textures that are drawn with the words of a look and the colour of the body."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LookBox:
-    """Box for a look around a body's shapes, in the body frame.
+    """Box for a look around a body's shapes, in the body frame."""
 
-    Attributes:
-        centre: (3,) m.
-        half: (3,) half extents, m.
-        colour: (3,) red, green and blue of the largest shape, 0 to 1.
-        drop: distance from the lower face of the box to the floor, m.
-    """
-
-    centre: Array
-    half: Array
-    colour: Array
-    drop: float = 0.0
+    centre: Array  # (3,) m
+    half: Array  # (3,) half extents, m
+    colour: Array  # (3,) red, green and blue of the largest shape, 0 to 1
+    drop: float = 0.0  # distance from the lower face of the box to the floor, m
 
 
 @cache
@@ -233,21 +221,18 @@ log = logging.getLogger(__name__)
 
 PANDA, IIWA = "franka_emika_panda", "kuka_iiwa_14"
 FILES = {PANDA: "panda.xml", IIWA: "iiwa14.xml"}
-SAME = 1e-3
-"""m, and quaternion components. Maximum difference between body frames of the same arm."""
-MARK = "menagerie:"
-"""Prefix of the names of added meshes and materials."""
+SAME = 1e-3  # m, and quaternion components. Maximum difference between body frames of the same arm.
+MARK = "menagerie:"  # Prefix of the names of added meshes and materials
 
 HAND = ("hand", "left_finger", "right_finger")
+# Menagerie model and body name of each of our bodies. A Research 3 has the links of a Panda; the
+# hand is the same on all arms.
 BODIES = {
     **{f"fr3_link{i}": (PANDA, f"link{i}") for i in range(8)},
     "iiwa_link0": (IIWA, "base"),
     **{f"iiwa_link{i}": (IIWA, f"link{i}") for i in range(1, 8)},
     **{arm + part: (PANDA, part) for arm in ("", "iiwa_") for part in HAND},
 }
-"""Menagerie model and body name of each of our bodies. A Research 3 has the links of a Panda; the
-hand is the same on all arms.
-"""
 
 
 def shape_arm(spec: mujoco.MjSpec) -> None:

@@ -29,41 +29,29 @@ if TYPE_CHECKING:
 
 
 FPS = 10.0
-SPEED = 2.5
-"""Ratio. Playback speed relative to robot time; long runs are faster."""
+SPEED = 2.5  # Ratio. Playback speed relative to robot time; long runs are faster.
+# s. Maximum length of a film. It keeps the report small and rendering fast without a GPU.
 LONGEST = 20.0
-"""s. Maximum length of a film. It keeps the report small and rendering fast without a GPU."""
 SIZE = (624, 416)
-QUALITY = 27
-"""x264 constant rate factor: about 100 kB for 10 s at 640 x 400."""
-SAMPLES = 12
-"""Number of configurations that determine the view."""
+QUALITY = 27  # x264 constant rate factor: about 100 kB for 10 s at 640 x 400
+SAMPLES = 12  # Number of configurations that determine the view
+# m. Maximum difference between the views of two interchangeable shots: a third of the visible
+# surroundings.
 APART = 0.05
-"""m. Maximum difference between the views of two interchangeable shots: a third of the visible
-surroundings.
-"""
-Caption = tuple[str, str]
-"""Texts at the bottom left and bottom right of a picture."""
+Caption = tuple[str, str]  # Texts at the bottom left and bottom right of a picture
 NOTHING: Caption = ("", "")
-Frame = tuple[Array, Caption]
-"""Configuration (nq,) and caption."""
+Frame = tuple[Array, Caption]  # Configuration (nq,) and caption
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Footage:
-    """Footage of the cell's 30 Hz camera: model and configurations to be rendered.
+    """Footage of the cell's 30 Hz camera: model and configurations to be rendered."""
 
-    Attributes:
-        model: the world's model.
-        frames: times (s) and configurations (nq,).
-        spec: source of the model with the looks of its bodies; None to draw collision shapes.
-        believed: a replay of the trace rather than a camera recording.
-    """
-
-    model: mujoco.MjModel
-    frames: tuple[tuple[float, Array], ...]
+    model: mujoco.MjModel  # the world's model
+    frames: tuple[tuple[float, Array], ...]  # times (s) and configurations (nq,)
+    # Source of the model with the looks of its bodies; None to draw collision shapes.
     spec: mujoco.MjSpec | None = None
-    believed: bool = False
+    believed: bool = False  # a replay of the trace rather than a camera recording
 
     def drawn(self, *, soft: bool = True) -> mujoco.MjModel:
         """Return the model for pictures, with `soft` or hard shadows."""
@@ -72,30 +60,19 @@ class Footage:
 
 @dataclass(frozen=True, slots=True)
 class Film:
-    """MP4 file of a run.
+    """MP4 file of a run."""
 
-    Attributes:
-        mp4: the file.
-        speed: playback speed relative to robot time.
-        believed: a replay of the trace rather than a camera recording.
-    """
-
-    mp4: bytes
-    speed: float
-    believed: bool = False
+    mp4: bytes  # the file
+    speed: float  # playback speed relative to robot time
+    believed: bool = False  # a replay of the trace rather than a camera recording
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Shot:
-    """Speed and view of a film.
+    """Speed and view of a film."""
 
-    Attributes:
-        speed: playback speed relative to robot time.
-        points: (n, 3) points in view, m: the whole range of everything that moves.
-    """
-
-    speed: float
-    points: Array
+    speed: float  # playback speed relative to robot time
+    points: Array  # (n, 3) points in view, m: the whole range of everything that moves
 
     @classmethod
     def of(cls, footage: Footage) -> Shot:
@@ -252,8 +229,7 @@ def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
 # Film rendered during the arm's motion by a copy of this process.
 
 
-Chunk = list[Frame]
-"""Frames to be rendered next; an empty chunk is the last."""
+Chunk = list[Frame]  # Frames to be rendered next; an empty chunk is the last
 
 
 class Reel:

@@ -22,11 +22,9 @@ from palpate.robots.description import PREFIX, RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.scene.scene import Scene
 
-SAME = 5.0
-"""Standard deviations. Maximum difference in focal length of the same camera."""
+SAME = 5.0  # Standard deviations. Maximum difference in focal length of the same camera.
 
-Hand = Callable[[], Pose]
-"""Returns the current pose of the TCP in the world."""
+Hand = Callable[[], Pose]  # Returns the current pose of the TCP in the world
 
 
 def calibrated_camera(
@@ -86,26 +84,20 @@ def _calibrated_place(scene: Scene, lens: Lens, mount: Mount | None) -> tuple[Le
 # Each has a small placement error, as by a person.
 
 
-HAND = "hand"
-"""Name of the camera on the hand of the embedded arm, `world:hand`."""
+HAND = "hand"  # Name of the camera on the hand of the embedded arm, `world:hand`
+# Pose of this camera in the TCP's frame. It is mounted at the broad side of the hand that faces
+# away from the base at home. It looks along the tool.
 HELD = Pose.of((0.07, 0.0, -0.07), (0.0, 1.0, 0.0, 0.0))
-"""Pose of this camera in the TCP's frame. It is mounted at the broad side of the hand that faces
-away from the base at home. It looks along the tool.
-"""
-FOVY = 45.0
-"""degrees. Vertical field of view of this camera."""
+FOVY = 45.0  # degrees. Vertical field of view of this camera.
+# Nominal pose of a tag on that side of the hand, upright at home, in the TCP's frame. The prior has
+# an error of some cm.
 STICKER = Pose.of((0.055, 0.0, -0.045), (0.5, -0.5, 0.5, -0.5))
-"""Nominal pose of a tag on that side of the hand, upright at home, in the TCP's frame. The prior
-has an error of some cm.
-"""
+# Nominal pose of a tag on the base plane of the arm, in the base frame. The prior has an error of
+# some cm.
 LYING = Pose.of((0.5, 0.0, 0.0))
-"""Nominal pose of a tag on the base plane of the arm, in the base frame. The prior has an error of
-some cm.
-"""
+# m and rad. Placement error of a tag: uniform half width in position, standard deviation in
+# rotation.
 OFF, ASKEW = 0.005, 0.05
-"""m and rad. Placement error of a tag: uniform half width in position, standard deviation in
-rotation.
-"""
 
 
 def believed_camera(seed: int) -> tuple[Lens, Mount]:
@@ -170,11 +162,9 @@ def _in_hand(spec: mujoco.MjSpec, arm: RobotDescription, place: Pose) -> Pose:
 # Plot of calibration residuals: every measured corner with a magnified line to its fitted position.
 
 
-LONGER = 100
-"""Magnification of residuals."""
+LONGER = 100  # Magnification of residuals
 INK, PALE, RED = (30, 30, 30), (190, 190, 190), (200, 60, 40)
-MARGIN = 12
-"""px. Margin around text."""
+MARGIN = 12  # px. Margin around text.
 
 
 def draw_residuals(found: HandEye, path: Path) -> None:

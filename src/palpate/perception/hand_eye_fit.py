@@ -19,23 +19,18 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
 
+# rad. Standard deviation of the encoder zeros. Uncalibrated Panda arms have errors of up to about
+# 10 mm, calibrated ones 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584).
 ZEROS = 1e-3
-"""rad. Standard deviation of the encoder zeros. Uncalibrated Panda arms have errors of up to about
-10 mm, calibrated ones 0.2 mm (Franzese, Spahn, Kober, Della Santina, 2025, arXiv:2503.12584).
-"""
+# rad/(N m). Standard deviation of the joint compliance that the encoder does not measure. The joint
+# stiffness is 7000 N m/rad (franka_description). The arm's own angle computation leaves a seventh
+# of its deflection.
 GIVES = 2e-5
-"""rad/(N m). Standard deviation of the joint compliance that the encoder does not measure. The
-joint stiffness is 7000 N m/rad (franka_description). The arm's own angle computation leaves a
-seventh of its deflection.
-"""
-LINKS = 3e-4
-"""m. Standard deviation of a link's position in its parent, along each axis."""
-BENT = 1e-4
-"""m. Standard deviation of errors outside this model, such as link bending."""
-LEVER = 0.5
-"""m. Ratio of the position error at the hand to its rotation error."""
+LINKS = 3e-4  # m. Standard deviation of a link's position in its parent, along each axis.
+BENT = 1e-4  # m. Standard deviation of errors outside this model, such as link bending.
+LEVER = 0.5  # m. Ratio of the position error at the hand to its rotation error.
+# (35,) standard deviations of the kinematic errors: rad, rad/(N m), m.
 STDS = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])
-"""(35,) standard deviations of the kinematic errors: rad, rad/(N m), m."""
 
 
 def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
@@ -96,55 +91,37 @@ def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
 # the most informative poses.
 
 
-FEWEST = 6
-"""Minimum number of pictures. With fewer, a single outlier is not identifiable."""
-MOST_REFUSED = 0.4
-"""Maximum share of rejected pictures."""
+FEWEST = 6  # Minimum number of pictures. With fewer, a single outlier is not identifiable.
+MOST_REFUSED = 0.4  # Maximum share of rejected pictures
+# χ² of 8 residuals above which a picture is rejected; probability 1 in 5000 without a fault.
 ODD = 30.0
-"""χ² of 8 residuals above which a picture is rejected; probability 1 in 5000 without a fault."""
-LOUD = 5.0
-"""px. Maximum plausible noise of tag corners."""
-ROUNDS = 3
-"""Number of fits, each with the noise estimated by the last one."""
+LOUD = 5.0  # px. Maximum plausible noise of tag corners.
+ROUNDS = 3  # Number of fits, each with the noise estimated by the last one
+# Number of unknowns before those of the arm: camera 6, tag 6, log focal length, log tag size.
 ARM = 14
-"""Number of unknowns before those of the arm: camera 6, tag 6, log focal length, log tag size."""
 ZOOM, SIZE = 12, 13
+# Relative. Lower bound of the standard deviation of a tag's size. In rendered pictures, a black
+# square of 40 px appears 0.01 px too wide on either side.
 MEASURED = 5e-4
-"""Relative. Lower bound of the standard deviation of a tag's size. In rendered pictures, a black
-square of 40 px appears 0.01 px too wide on either side.
-"""
-CAMERA = [*range(6), ZOOM]
-"""Indices of the unknowns of camera and lens."""
-STEP = 1e-6
-"""m or rad. Step of finite differences."""
+CAMERA = [*range(6), ZOOM]  # Indices of the unknowns of camera and lens
+STEP = 1e-6  # m or rad. Step of finite differences.
 
 
 @dataclass(frozen=True, eq=False)
 class CalibrationViews:
-    """Arm poses of the pictures of one tag.
+    """Arm poses of the pictures of one tag."""
 
-    Attributes:
-        hands: pose of the hand in the base frame, for each picture.
-        jacobians: (n, 6, k) of the hand pose, along the base axes, by encoder zeros (rad).
-            Optionally also by joint compliances (rad/(N m)) and link positions (m).
-        frame: (6, k) matrix A: twist about the base origin (m, rad) per unit of these.
-        half: half the side of the tag's black square, m.
-        size_std: relative standard deviation of the tag's size.
-        lens: the lens as specified by its owner.
-        mount: prior of the camera pose, in the base frame, or in the hand frame if `on_hand`.
-        on_hand: the camera is on the hand and the tag is static; otherwise the reverse.
-        repeatability: standard deviation of the hand position along each axis, m.
-    """
-
-    hands: Sequence[Pose]
+    hands: Sequence[Pose]  # pose of the hand in the base frame, for each picture
+    # (n, 6, k) of the hand pose, along the base axes, by encoder zeros (rad). Optionally also by
+    # joint compliances (rad/(N m)) and link positions (m).
     jacobians: Array
-    frame: Array
-    half: float
-    size_std: float
-    lens: Lens
-    mount: Mount
-    on_hand: bool
-    repeatability: float
+    frame: Array  # (6, k) matrix A: twist about the base origin (m, rad) per unit of these
+    half: float  # half the side of the tag's black square, m
+    size_std: float  # relative standard deviation of the tag's size
+    lens: Lens  # the lens as specified by its owner
+    mount: Mount  # prior of the camera pose, in the base frame, or in the hand frame if `on_hand`
+    on_hand: bool  # the camera is on the hand and the tag is static; otherwise the reverse
+    repeatability: float  # standard deviation of the hand position along each axis, m
 
     @property
     def unknowns(self) -> int:
@@ -298,26 +275,17 @@ def surest(views: CalibrationViews, tag: Pose, count: int) -> list[int]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class HandEye:
-    """Result of a camera calibration.
+    """Result of a camera calibration."""
 
-    Attributes:
-        mount: camera pose in the base or hand frame, with the (7, 7) covariance of position (m),
-            rotation (rad) and log focal length.
-        lens: the lens with its calibrated focal length.
-        tag: pose of the tag in the other frame.
-        corners: (n, 4, 2) measured corners of the accepted pictures, pixels.
-        residuals: (n, 4, 2) residuals of these corners, pixels.
-        noise: estimated standard deviation of a corner coordinate, pixels.
-        refused: indices of the rejected pictures.
-    """
-
+    # Camera pose in the base or hand frame, with the (7, 7) covariance of position (m), rotation
+    # (rad) and log focal length.
     mount: Mount
-    lens: Lens
-    tag: Pose
-    corners: Array
-    residuals: Array
-    noise: float
-    refused: tuple[int, ...]
+    lens: Lens  # the lens with its calibrated focal length
+    tag: Pose  # pose of the tag in the other frame
+    corners: Array  # (n, 4, 2) measured corners of the accepted pictures, pixels
+    residuals: Array  # (n, 4, 2) residuals of these corners, pixels
+    noise: float  # estimated standard deviation of a corner coordinate, pixels
+    refused: tuple[int, ...]  # indices of the rejected pictures
 
 
 def hand_eye(views: CalibrationViews, corners: Sequence[Array]) -> HandEye:

@@ -27,33 +27,24 @@ from palpate.common.pose import Array, Pose
 from palpate.scene.camera import Camera
 from palpate.scene.poses import Covariance, Quaternion, Vector
 
-MAX_BYTES = 100_000
-"""Maximum size of an intrinsics file, bytes."""
+MAX_BYTES = 100_000  # Maximum size of an intrinsics file, bytes
+# Relative. Default standard deviation of a focal length: about the repeatability of a calibration
+# with a board.
 FOCAL_STD = 0.002
-"""Relative. Default standard deviation of a focal length: about the repeatability of a calibration
-with a board.
-"""
+# Rotation between OpenCV's camera frame (z along the view, y down) and MuJoCo's (view along -z, y
+# up).
 FACING = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-"""Rotation between OpenCV's camera frame (z along the view, y down) and MuJoCo's (view along -z, y
-up).
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Lens:
-    """Intrinsics of a camera.
+    """Intrinsics of a camera."""
 
-    Attributes:
-        matrix: (3, 3) pinhole matrix, pixels.
-        size: width and height, pixels.
-        distortion: (5,) coefficients k1, k2, p1, p2, k3 of OpenCV.
-        focal_std: relative standard deviation of the focal length.
-    """
-
-    matrix: Array
-    size: tuple[int, int]
+    matrix: Array  # (3, 3) pinhole matrix, pixels
+    size: tuple[int, int]  # width and height, pixels
+    # (5,) coefficients k1, k2, p1, p2, k3 of OpenCV.
     distortion: Array = field(default_factory=lambda: np.zeros(5))
-    focal_std: float = FOCAL_STD
+    focal_std: float = FOCAL_STD  # relative standard deviation of the focal length
 
     @classmethod
     def of(cls, camera: Camera) -> Lens:
@@ -89,19 +80,15 @@ class Lens:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Mount:
-    """Prior of a camera pose.
+    """Prior of a camera pose."""
 
-    Attributes:
-        pose_world_camera: in MuJoCo's camera frame; for a camera on the hand, in the TCP's frame.
-        covariance: (6, 6) of position (m) and rotation (rad) along the axes of that frame. (7, 7)
-            with the log focal length, if the camera was calibrated with its lens.
-        on_hand: the camera is on the hand.
-        joints: (7,) rad, configuration of the pictures of a camera on the hand; None for home.
-    """
-
+    # In MuJoCo's camera frame; for a camera on the hand, in the TCP's frame.
     pose_world_camera: Pose
+    # (6, 6) of position (m) and rotation (rad) along the axes of that frame. (7, 7) with the log
+    # focal length, if the camera was calibrated with its lens.
     covariance: Array
-    on_hand: bool = False
+    on_hand: bool = False  # the camera is on the hand
+    # (7,) rad, configuration of the pictures of a camera on the hand; None for home.
     joints: Array | None = None
 
     def within(self, frame: Pose) -> Mount:

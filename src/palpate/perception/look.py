@@ -36,22 +36,16 @@ COLOURS = (
     (0, 140, 160),
 )
 HALO = (255, 255, 255)
-LINE, LETTERS = 3, 26
-"""px. Line width and letter height in a picture of width `USUAL`."""
+LINE, LETTERS = 3, 26  # px. Line width and letter height in a picture of width `USUAL`.
 USUAL = 1280
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outlines:
-    """Picture with outlines.
+    """Picture with outlines."""
 
-    Attributes:
-        pixels: (height, width, 3) RGB.
-        shapes: polygons (n, 2) of each object's geoms, pixels.
-    """
-
-    pixels: NDArray[np.uint8]
-    shapes: Mapping[str, tuple[Array, ...]]
+    pixels: NDArray[np.uint8]  # (height, width, 3) RGB
+    shapes: Mapping[str, tuple[Array, ...]]  # polygons (n, 2) of each object's geoms, pixels
 
     def png(self) -> bytes:
         """Draw the outlines and names into the picture and encode it as PNG."""
@@ -116,36 +110,24 @@ def outlines(
 # Object poses from pictures of one camera, with covariances.
 
 
-LUMA = np.array([0.299, 0.587, 0.114])
-"""Weights of red, green and blue in grey (ITU-R BT.601)."""
-DIGITS = 6
-"""Decimals of positions (m) and quaternions in poses.yaml."""
-TOLD = 0.05
-"""m. Maximum standard deviation of a measured surface height; a guess has as much."""
+LUMA = np.array([0.299, 0.587, 0.114])  # Weights of red, green and blue in grey (ITU-R BT.601)
+DIGITS = 6  # Decimals of positions (m) and quaternions in poses.yaml
+TOLD = 0.05  # m. Maximum standard deviation of a measured surface height; a guess has as much.
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
 class Seen:
-    """Object poses measured by a camera.
+    """Object poses measured by a camera."""
 
-    Attributes:
-        poses: pose of each object's frame in the world.
-        covariances: (6, 6) of position (m) and rotation (rad) along the axes of the world.
-        unseen: objects of the scene that were not found.
-        notes: messages on rejected data.
-        noise: estimated standard deviation of a corner coordinate, pixels.
-        outlines: outlines of the objects in the picture.
-        surfaces: poses of surfaces with an unknown height in the scene and a measured one in the
-            picture. A tag on the surface or on an object on it gives the height. Their covariance
-            is of z alone.
-    """
-
-    poses: dict[str, Pose]
+    poses: dict[str, Pose]  # pose of each object's frame in the world
+    # (6, 6) of position (m) and rotation (rad) along the axes of the world.
     covariances: dict[str, Array]
-    unseen: tuple[str, ...]
-    notes: tuple[str, ...]
-    noise: float
-    outlines: Outlines | None = None
+    unseen: tuple[str, ...]  # objects of the scene that were not found
+    notes: tuple[str, ...]  # messages on rejected data
+    noise: float  # estimated standard deviation of a corner coordinate, pixels
+    outlines: Outlines | None = None  # outlines of the objects in the picture
+    # Poses of surfaces with an unknown height in the scene and a measured one in the picture. A tag
+    # on the surface or on an object on it gives the height. Their covariance is of z alone.
     surfaces: Mapping[str, Pose] = field(default_factory=dict[str, Pose])
 
     def __repr__(self) -> str:

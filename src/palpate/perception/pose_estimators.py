@@ -33,12 +33,10 @@ from palpate.perception.solve import Estimated
 from palpate.scene.poses import Covariance, Quaternion, Vector
 from palpate.scene.scene import Scene
 
-PATIENCE = 120.0
-"""s. Maximum response time; loading a network takes half a minute."""
+PATIENCE = 120.0  # s. Maximum response time; loading a network takes half a minute.
+# bytes. Maximum size of an answer; poses of a thousand objects take half of it.
 MAX_ANSWER = 1_000_000
-"""bytes. Maximum size of an answer; poses of a thousand objects take half of it."""
-MAX_WORDS = 300
-"""Characters of a command's error output in a message."""
+MAX_WORDS = 300  # Characters of a command's error output in a message
 
 
 def exchange_document(source: str, document: bytes, patience: float | None = None) -> bytes:
@@ -195,10 +193,8 @@ def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Ev
 # direction.
 
 
-LEAST_STD = 1e-6
-"""m or rad. Minimum accepted standard deviation."""
-SHOWN = 2
-"""Last visible geom group, as in MuJoCo's viewer."""
+LEAST_STD = 1e-6  # m or rad. Minimum accepted standard deviation.
+SHOWN = 2  # Last visible geom group, as in MuJoCo's viewer
 
 
 def estimate_poses(

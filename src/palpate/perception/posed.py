@@ -15,8 +15,7 @@ from palpate.robots.description import PREFIX
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
-FRAME_PERIOD = 1.0 / 30.0
-"""s. Period of replay frames, as of the simulated camera."""
+FRAME_PERIOD = 1.0 / 30.0  # s. Period of replay frames, as of the simulated camera.
 
 
 class PosedCell:

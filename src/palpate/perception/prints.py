@@ -11,12 +11,9 @@ from PIL import Image, ImageDraw, ImageFont
 from palpate.perception.renderer import Pixels
 
 ASSETS = Path(__file__).with_name("assets")
-Ink = tuple[int, int, int]
-"""RGB, 0 to 255."""
-INK, PAPER = (38, 42, 48), (247, 243, 232)
-"""Colours of text and of its background."""
-FACING = 25
-"""degrees. Rotation of a label so that its text faces the usual camera."""
+Ink = tuple[int, int, int]  # RGB, 0 to 255
+INK, PAPER = (38, 42, 48), (247, 243, 232)  # Colours of text and of its background
+FACING = 25  # degrees. Rotation of a label so that its text faces the usual camera.
 
 
 @cache

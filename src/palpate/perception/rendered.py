@@ -21,44 +21,30 @@ from palpate.perception.stage import build_stage
 from palpate.perception.tags import SITE
 from palpate.scene.camera import Camera
 
-SIZE = (1280, 720)
-"""px. Width and height of a typical depth camera's colour picture."""
+SIZE = (1280, 720)  # px. Width and height of a typical depth camera's colour picture.
+# Ratio. Size of the rendered picture relative to the final one, for the pixels that distortion
+# moves into view.
 MARGIN = 1.3
-"""Ratio. Size of the rendered picture relative to the final one, for the pixels that distortion
-moves into view.
-"""
-PAPER = 2e-4
-"""m. Half the thickness of a printed tag."""
-DEEPEST = 10.0
-"""m. Maximum distance of the depth camera."""
-NEAREST = 0.1
-"""m. Minimum rendered distance."""
-FINE = 8
-"""Texture pixels along a tag module."""
+PAPER = 2e-4  # m. Half the thickness of a printed tag.
+DEEPEST = 10.0  # m. Maximum distance of the depth camera.
+NEAREST = 0.1  # m. Minimum rendered distance.
+FINE = 8  # Texture pixels along a tag module
 
 
 @dataclass(frozen=True, slots=True)
 class Imperfections:
-    """Imperfections of a simulated camera. Values are standard deviations unless stated otherwise.
+    """Imperfections of a simulated camera. Values are standard deviations unless stated otherwise."""
 
-    Attributes:
-        distortion: k1, k2, p1, p2, k3, which are known exactly.
-        blur: standard deviation of the blur, pixels.
-        grain: sensor noise, grey levels of 255.
-        focal: relative error of the focal length.
-        place: error of the camera position along each axis, m.
-        turn: error of the camera rotation about each axis, rad.
-        depth: error of the distance along the view at 1 m, m; it grows with the square of the
-            distance. The default is a stereo matching error of 0.08 px with a baseline of 50 mm
-            (Intel, tuning of D400 cameras).
-    """
-
+    # K1, k2, p1, p2, k3, which are known exactly.
     distortion: tuple[float, ...] = (-0.08, 0.03, 5e-4, -3e-4, 0.0)
-    blur: float = 0.6
-    grain: float = 2.0
-    focal: float = FOCAL_STD
-    place: float = 0.002
-    turn: float = 0.003
+    blur: float = 0.6  # standard deviation of the blur, pixels
+    grain: float = 2.0  # sensor noise, grey levels of 255
+    focal: float = FOCAL_STD  # relative error of the focal length
+    place: float = 0.002  # error of the camera position along each axis, m
+    turn: float = 0.003  # error of the camera rotation about each axis, rad
+    # Error of the distance along the view at 1 m, m; it grows with the square of the distance. The
+    # default is a stereo matching error of 0.08 px with a baseline of 50 mm (Intel, tuning of D400
+    # cameras).
     depth: float = 0.0025
 
 

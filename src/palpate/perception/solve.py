@@ -18,52 +18,33 @@ from palpate.robots.trajectory import rotation_vector
 
 @dataclass(frozen=True, slots=True, eq=False)
 class UnknownBody:
-    """Body with an unknown pose or height in the fit.
+    """Body with an unknown pose or height in the fit."""
 
-    Attributes:
-        name: name of the body.
-        pose_world: its pose in the scene.
-        support: the surface under it in the scene, if any.
-        is_surface: only its height is unknown.
-    """
-
-    name: str
-    pose_world: Pose
-    support: str | None = None
-    is_surface: bool = False
+    name: str  # name of the body
+    pose_world: Pose  # its pose in the scene
+    support: str | None = None  # the surface under it in the scene, if any
+    is_surface: bool = False  # only its height is unknown
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Estimated:
-    """Pose of a body by an external estimator.
+    """Pose of a body by an external estimator."""
 
-    Attributes:
-        pose_camera: in OpenCV's camera frame.
-        covariance: (6, 6) of position (m) and rotation (rad) along the axes of the camera.
-    """
-
-    pose_camera: Pose
-    covariance: Array
+    pose_camera: Pose  # in OpenCV's camera frame
+    covariance: Array  # (6, 6) of position (m) and rotation (rad) along the axes of the camera
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Problem:
-    """Measured corners, with the prior knowledge of lens, tags, bodies and camera.
+    """Measured corners, with the prior knowledge of lens, tags, bodies and camera."""
 
-    Attributes:
-        lens: the lens.
-        seen: measured corners (4, 2) of each tag, pixels.
-        tags: tags of the scene by number.
-        things: bodies with unknown poses by name; all others stay at their scene poses.
-        mount: prior of the camera pose, if any.
-        estimates: external pose estimates of objects by name.
-    """
-
-    lens: Lens
-    seen: Mapping[int, Array]
-    tags: Mapping[int, SceneTag]
+    lens: Lens  # the lens
+    seen: Mapping[int, Array]  # measured corners (4, 2) of each tag, pixels
+    tags: Mapping[int, SceneTag]  # tags of the scene by number
+    # Bodies with unknown poses by name; all others stay at their scene poses.
     things: Mapping[str, UnknownBody]
-    mount: Mount | None
+    mount: Mount | None  # prior of the camera pose, if any
+    # External pose estimates of objects by name.
     estimates: Mapping[str, Estimated] = field(default_factory=dict[str, Estimated])
 
     def without(self, odd: Outliers) -> Problem:
@@ -94,17 +75,11 @@ class Problem:
 
 @dataclass(frozen=True, slots=True)
 class Outliers:
-    """Data that contradict the fit.
+    """Data that contradict the fit."""
 
-    Attributes:
-        tags: numbers of outlying tags.
-        leaning: bodies that violate the prior of their support.
-        estimates: bodies whose external estimate contradicts their tags.
-    """
-
-    tags: tuple[int, ...] = ()
-    leaning: tuple[str, ...] = ()
-    estimates: tuple[str, ...] = ()
+    tags: tuple[int, ...] = ()  # numbers of outlying tags
+    leaning: tuple[str, ...] = ()  # bodies that violate the prior of their support
+    estimates: tuple[str, ...] = ()  # bodies whose external estimate contradicts their tags
 
     def __bool__(self) -> bool:
         return bool(self.tags or self.leaning or self.estimates)
@@ -120,53 +95,35 @@ class Outliers:
 # Joint least-squares fit of camera and bodies to all tag corners (bundle adjustment).
 
 
+# px and residuals. Prior standard deviation of a corner coordinate, and the number of residuals
+# that this prior counts for. Corners of rendered tags have errors of 0.07 px. In photographs, two
+# detection methods differ by 0.15 px.
 NOISE, BELIEVED = 0.15, 4.0
-"""px and residuals. Prior standard deviation of a corner coordinate, and the number of residuals
-that this prior counts for. Corners of rendered tags have errors of 0.07 px. In photographs, two
-detection methods differ by 0.15 px.
-"""
-FLOOR = 0.05
-"""px. Lower bound of the estimated noise."""
+FLOOR = 0.05  # px. Lower bound of the estimated noise.
+# m. Standard deviation of a tag's position on a body, along each side. A ruler is no more accurate.
 GLUED = 3e-4
-"""m. Standard deviation of a tag's position on a body, along each side. A ruler is no more
-accurate.
-"""
+# rad and m. Standard deviations of the tilt and height of a supported body, relative to the scene.
 UPRIGHT, LEVEL = np.radians(0.5), 0.001
-"""rad and m. Standard deviations of the tilt and height of a supported body, relative to the scene.
-"""
-OPEN = 0.3
-"""m. Standard deviation of an unknown surface height about its believed value."""
+OPEN = 0.3  # m. Standard deviation of an unknown surface height about its believed value.
+# rad. Standard deviation of the tilt that selects one of the two poses of a single square.
 LOOSE = np.radians(10.0)
-"""rad. Standard deviation of the tilt that selects one of the two poses of a single square."""
-MOST_REFUSED = 4
-"""Maximum number of outlier rejections per picture."""
-OUTLIER = 4.5
-"""Standard deviations. Threshold for an outlying tag, estimate or support."""
+MOST_REFUSED = 4  # Maximum number of outlier rejections per picture
+OUTLIER = 4.5  # Standard deviations. Threshold for an outlying tag, estimate or support.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Solution:
-    """Poses and covariances of the fit, with the rejected data.
+    """Poses and covariances of the fit, with the rejected data."""
 
-    Attributes:
-        poses: pose of each body in the world.
-        covariances: (6, 6) of position (m) and rotation (rad) along the axes of the world.
-        pose_world_camera: in OpenCV's frame.
-        zoom: ratio of the fitted focal length to that of the lens.
-        noise: estimated standard deviation of a corner coordinate, pixels.
-        refused: outlying tags.
-        tilted: bodies that violate the prior of their support.
-        doubted: bodies whose external estimate contradicts their tags.
-    """
-
-    poses: Mapping[str, Pose]
+    poses: Mapping[str, Pose]  # pose of each body in the world
+    # (6, 6) of position (m) and rotation (rad) along the axes of the world.
     covariances: Mapping[str, Array]
-    pose_world_camera: Pose
-    zoom: float
-    noise: float
-    refused: tuple[int, ...]
-    tilted: tuple[str, ...]
-    doubted: tuple[str, ...]
+    pose_world_camera: Pose  # in OpenCV's frame
+    zoom: float  # ratio of the fitted focal length to that of the lens
+    noise: float  # estimated standard deviation of a corner coordinate, pixels
+    refused: tuple[int, ...]  # outlying tags
+    tilted: tuple[str, ...]  # bodies that violate the prior of their support
+    doubted: tuple[str, ...]  # bodies whose external estimate contradicts their tags
 
 
 def solve(problem: Problem) -> Solution:

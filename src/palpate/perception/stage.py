@@ -34,32 +34,22 @@ if TYPE_CHECKING:
     from palpate.scene.poses import CameraEntry
 
 
-UNSEEN = 5
-"""Geom group of hidden elements."""
-ROOM, LAB = "world", "lab"
-"""Name of the body whose look is the room, and that look."""
+UNSEEN = 5  # Geom group of hidden elements
+ROOM, LAB = "world", "lab"  # Name of the body whose look is the room, and that look
 FLOOR = "palpate_floor"
 FLOOR_TINT = (0.74, 0.76, 0.77, 1.0)
+# m. Positions of the walls behind the arm and to its left, and their minimum distance from objects.
 BEHIND, BESIDE, BEYOND = -1.15, 1.75, 0.5
-"""m. Positions of the walls behind the arm and to its left, and their minimum distance from
-objects.
-"""
-DOWN = 0.75
-"""m. Height of a table above the floor in a scene without a floor."""
-AMBIENT, HEADLIGHT = 0.36, 0.14
-"""Shares of ambient light and of the headlight."""
+DOWN = 0.75  # m. Height of a table above the floor in a scene without a floor.
+AMBIENT, HEADLIGHT = 0.36, 0.14  # Shares of ambient light and of the headlight
+# Share of the lamp's cone that casts shadows. It contains the arm and its workspace, which then use
+# more of the shadow map.
 INNER = 0.35
-"""Share of the lamp's cone that casts shadows. It contains the arm and its workspace, which then
-use more of the shadow map.
-"""
-FULL = 1.0
-"""Maximum light on a horizontal surface; above it all white surfaces are equally white."""
-RESTING = 0.02
-"""m. Maximum height of a table top above the lowest point of the objects on it."""
+FULL = 1.0  # Maximum light on a horizontal surface; above it all white surfaces are equally white
+RESTING = 0.02  # m. Maximum height of a table top above the lowest point of the objects on it.
+# m. Maximum extent of fixed bodies that are fully in view, and their maximum distance from the
+# loose objects.
 FURNITURE, NEARBY = 0.5, 0.4
-"""m. Maximum extent of fixed bodies that are fully in view, and their maximum distance from the
-loose objects.
-"""
 
 
 def build_stage(
@@ -285,18 +275,13 @@ def add_box(spec: mujoco.MjSpec, material: str, pos: list[float], size: list[flo
 # functions raise RuntimeError without a usable OpenGL.
 
 
-CAMERA = "workspace"
-"""Name of the world's own camera."""
-TAKEN = "palpate_camera"
-"""Name of the camera of `poses.yaml` in the simulated world."""
-WORKSPACE = (1024, 768)
-"""px. Width and height of the workspace picture."""
+CAMERA = "workspace"  # Name of the world's own camera
+TAKEN = "palpate_camera"  # Name of the camera of `poses.yaml` in the simulated world
+WORKSPACE = (1024, 768)  # px. Width and height of the workspace picture.
+# degrees and m. Elevation of the workspace view, and free space above the objects in it.
 FROM_ABOVE, ABOVE = -30.0, 0.05
-"""degrees and m. Elevation of the workspace view, and free space above the objects in it."""
-SIZE = (960, 640)
-"""px. Width and height of a picture."""
-AROUND, BELOW = 0.15, 0.10
-"""m. Surroundings in view, around and below the moving bodies."""
+SIZE = (960, 640)  # px. Width and height of a picture.
+AROUND, BELOW = 0.15, 0.10  # m. Surroundings in view, around and below the moving bodies.
 
 
 def render_workspace(

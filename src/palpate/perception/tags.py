@@ -16,27 +16,19 @@ from palpate.common.pose import Array, Pose
 from palpate.perception.detection import CORNERS, MODULES, QUIET, TAGS, tag_pixels
 from palpate.scene.scene import Scene
 
-SITE = re.compile(r"tag_(\d{1,3})")
-"""Name pattern of a tag's site."""
+SITE = re.compile(r"tag_(\d{1,3})")  # Name pattern of a tag's site
+# m. Range of valid half sides of tags; the default of an MJCF site is 5 mm.
 SMALLEST, LARGEST = 0.002, 0.5
-"""m. Range of valid half sides of tags; the default of an MJCF site is 5 mm."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SceneTag:
-    """Tag on a body.
+    """Tag on a body."""
 
-    Attributes:
-        number: number in the family.
-        half: half the side of its black square, m.
-        body: name of the scene's body under it; "" for a static part that is no surface.
-        pose_world: its pose in the scene.
-    """
-
-    number: int
-    half: float
-    body: str
-    pose_world: Pose
+    number: int  # number in the family
+    half: float  # half the side of its black square, m
+    body: str  # name of the scene's body under it; "" for a static part that is no surface
+    pose_world: Pose  # its pose in the scene
 
 
 def tags_of(scene: Scene) -> dict[int, SceneTag]:
@@ -90,12 +82,10 @@ def _body(scene: Scene, model: mujoco.MjModel, index: int) -> str:
 
 
 DPI = 600
-PAPER = (0.210, 0.297)
-"""m. ISO A4, portrait."""
+PAPER = (0.210, 0.297)  # m. ISO A4, portrait.
+# m. Margin of the sheet, gap between tags, and height of a text line.
 EDGE, GAP, LINE = 0.012, 0.006, 0.004
-"""m. Margin of the sheet, gap between tags, and height of a text line."""
-BAR = 0.1
-"""m. Length of the scale bar."""
+BAR = 0.1  # m. Length of the scale bar.
 
 
 def write_sheet(path: Path, numbers: Sequence[int], side: float) -> int:

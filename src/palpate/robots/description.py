@@ -39,10 +39,9 @@ if TYPE_CHECKING:
     from palpate.robots.robot_config import EndEffector, RobotConfig
 
 
+# N m s/rad: joint damping behind the sensors. Damping and friction of a file belong to the gears,
+# before the sensors.
 LINK_DAMPING = 0.003
-"""N m s/rad: joint damping behind the sensors. Damping and friction of a file belong to the gears, before the
-sensors.
-"""
 PAD_FRICTION = (1.0, 0.01, 0.0001)  # of rubber: sliding, torsional (m) and rolling (m)
 AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and no null space exists
 WORLD, OWN = 1, 1 << 20  # contact bits: the default one, and a rare one for the arm's own shapes

@@ -30,16 +30,15 @@ SPARE = 0.004  # m of the opening that are reserved for errors of the pose
 GROUND = 0.005  # m of clearance of the fingertips above the support
 HEADROOM = 0.005  # m of clearance between the palm and the top of the object
 SHALLOW = 0.02  # m of the TCP below the top, where the hand has no room for a deeper grasp
+# Largest slope (tangent) of a grasped side against the pads; an object with a steeper side slides
+# out.
 SLANT = 0.3
-"""Largest slope (tangent) of a grasped side against the pads; an object with a steeper side slides out."""
+# rad: largest turn of the tool against home. The tool takes the shorter way, which beyond half a
+# turn is not the sum of the turns of base and wrist.
 MOST_TURN = np.radians(165.0)
-"""rad: largest turn of the tool against home. The tool takes the shorter way, which beyond half a turn is not
-the sum of the turns of base and wrist.
-"""
+# rad: turn of the tool against the direction from the base to it, up to which a grasp counts as
+# little turned. Beyond it, an equally good grasp with a smaller turn is preferred.
 LITTLE_TURN = np.radians(60.0)
-"""rad: turn of the tool against the direction from the base to it, up to which a grasp counts as little turned.
-Beyond it, an equally good grasp with a smaller turn is preferred.
-"""
 WRIST_SPARE = 0.2  # rad of margin of the last joint, where the tool turns the opposite way
 STATION = 0.005  # m between stations along an object at which a grasp is tried
 NEIGHBOUR = 0.002  # m of clearance between the hand and other objects

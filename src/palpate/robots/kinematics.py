@@ -16,16 +16,14 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.safety import JOINT_MARGIN
 
 POSITION_TOLERANCE, ANGLE_TOLERANCE = 0.001, np.radians(0.5)  # m, rad
+# rad: margin at the end stops, for the impedance controller's deviations. The safety predicate has
+# a smaller margin.
 LIMIT_MARGIN = 0.05
-"""rad: margin at the end stops, for the impedance controller's deviations. The safety predicate has a smaller
-margin.
-"""
 MAX_ITERATIONS = 30
 STALLED = 1e-4  # rad: a smaller Gauss-Newton step far from the target indicates a local minimum
+# Weight of the distance from the posture against 1 rad or 1 m of error. It only selects among the
+# solutions.
 POSTURE_COST = 1e-3
-"""Weight of the distance from the posture against 1 rad or 1 m of error. It only selects among the
-solutions.
-"""
 CACHED_POSES = 4096
 
 

@@ -3,5 +3,4 @@
 from __future__ import annotations
 
 LEVELS = ("none", "lab", "datasheet", "hardware", "measured")
-DEFAULT_LEVEL = "measured"
-"""Default level: the noise of recorded real arms."""
+DEFAULT_LEVEL = "measured"  # Default level: the noise of recorded real arms

@@ -13,22 +13,17 @@ from palpate.common.pose import CONJUGATE, Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.trajectory import rotation_vector
 
+# m^2: regularisation added to J J^T, far below its smallest eigenvalue in the workspace. A singular
+# pose stays finite.
 RIDGE = 1e-9 * np.eye(6)
-"""m^2: regularisation added to J J^T, far below its smallest eigenvalue in the workspace. A singular pose
-stays finite.
-"""
+# Parameters of `NominalArm.reach`: most iterations; share of the distance to the posture per step;
+# damping, m^2; largest step of a converged search, rad.
 SEARCH_STEPS, SEARCH_RATE, SEARCH_DAMPING, SEARCH_DONE = 60, 0.3, 1e-4, 1e-3
-"""Parameters of `NominalArm.reach`: most iterations; share of the distance to the posture per step; damping,
-m^2; largest step of a converged search, rad.
-"""
-SEARCH_TURN = 0.2
-"""rad: largest turn of a joint in one iteration."""
-PLACES = 8
-"""Number of arms, each at its place, whose models are kept."""
+SEARCH_TURN = 0.2  # rad: largest turn of a joint in one iteration
+PLACES = 8  # Number of arms, each at its place, whose models are kept
+# Cosine of the angle between tool axes below which the tool swings far: a level hand, not a tilted
+# one.
 SWUNG = 0.5
-"""Cosine of the angle between tool axes below which the tool swings far: a level hand, not a tilted
-one.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

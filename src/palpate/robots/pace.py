@@ -17,18 +17,18 @@ from palpate.robots.sheet import MotionLimits
 
 STATIONS = 9  # number of configurations along a motion at which its speed limit is computed
 SOFTEST = 1e-3  # 1/kg added to a mobility: a mass above 1000 kg counts as immovable
+# N/m: stiffness of an obstacle of steel on a concrete floor. A softer obstacle stops the arm more
+# gently.
 STIFFEST = 1e6
-"""N/m: stiffness of an obstacle of steel on a concrete floor. A softer obstacle stops the arm more gently."""
+# N/m: stiffness between the shells of elbow or wrist and obstacles that hang above. Stiffer
+# obstacles are below, on a table.
 SHELL = 1e5
-"""N/m: stiffness between the shells of elbow or wrist and obstacles that hang above. Stiffer obstacles are
-below, on a table.
-"""
+# Restitution of the arm's shells on an obstacle of equal stiffness, with a damping ratio of one
+# fifth.
 REBOUND = 0.5
-"""Restitution of the arm's shells on an obstacle of equal stiffness, with a damping ratio of one fifth."""
+# Cosine to the tool axis of motions that only the fingertips or only the wrist lead. An upright
+# obstacle meets the hand's side with at most the remaining part of the motion.
 LENGTHWAYS = 0.7
-"""Cosine to the tool axis of motions that only the fingertips or only the wrist lead. An upright obstacle meets
-the hand's side with at most the remaining part of the motion.
-"""
 WINDOW = 0.010  # s over which the force of a contact is averaged
 GENTLE = 0.65  # N s: 65 N on average over 10 ms, the lowest quasi-static limit of ISO/TS 15066
 STILL = 1e-6  # m on a whole motion: a point that moves less is at rest
@@ -180,17 +180,15 @@ def _nominal(arm: RobotDescription) -> NominalArm:
 # Uncertainty of the wrench measured at rest, from the arm's description.
 
 
+# Ticks whose median is the measured wrench: 60 ms, in which a probing arm moves 1 mm at most.
 SUSTAINED = 3
-"""Ticks whose median is the measured wrench: 60 ms, in which a probing arm moves 1 mm at most."""
+# N m: root of the sum of squares of the joint friction that a Franka's sensors show. It is half of
+# phi_1 of Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248.
 RUBBING = 1.0
-"""N m: root of the sum of squares of the joint friction that a Franka's sensors show. It is half of phi_1 of
-Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248.
-"""
+# Factor on this friction, with the owner's figures of rests and noise, beyond which a torque is no
+# error. Conforming runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and
+# `measured`), and 0.35 N m at `lab`.
 SURELY = 2.0
-"""Factor on this friction, with the owner's figures of rests and noise, beyond which a torque is no error.
-Conforming runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and `measured`), and 0.35 N m at
-`lab`.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

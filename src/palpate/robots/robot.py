@@ -227,12 +227,11 @@ class Remembering(Protocol):
 
 
 STANDING = 1e-4  # m: a shorter motion has no direction, and so no effective mass
+# Quintics per second of an arc: the error of the position is less than a micrometre.
 ARC_PIECES = 50.0
-"""Quintics per second of an arc: the error of the position is less than a micrometre."""
+# s, about 2 d / k of the TCP's springs. A stop this long moves the equilibrium onwards by its lead
+# over the arm, so that a contact keeps its force.
 GIVING_WAY = 0.2
-"""s, about 2 d / k of the TCP's springs. A stop this long moves the equilibrium onwards by its lead over the
-arm, so that a contact keeps its force.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -265,11 +264,11 @@ class Arc:
         )
 
 
+# Start of a Cartesian motion, and the orientation (4,) that its rotation vector is relative to.
 PoseStart = tuple[MotionState, Array]
-"""Start of a Cartesian motion, and the orientation (4,) that its rotation vector is relative to."""
+# Makes a Cartesian motion from its time, s, its start, and the joint positions (7,), rad. The
+# second path is that of the null space; None for a posture that stays.
 PoseMaker = Callable[[float, PoseStart, Array], tuple[PosePath, PositionPath | None]]
-"""Makes a Cartesian motion from its time, s, its start, and the joint positions (7,), rad. The second path is
-that of the null space; None for a posture that stays."""
 
 
 class Commanded:

@@ -24,12 +24,12 @@ class Expectation:
     holding: bool = False  # an object is on the hand: a vertical force up to the payload is normal
     contact: bool = False  # contact is the purpose: force up to the limit is normal
     grasped: bool = False  # the fingers must hold an object; losing it is a slip
+    # N, as in `Reflex`: a force is unexplained only if it and its change from this one are both too
+    # large.
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """N, as in `Reflex`: a force is unexplained only if it and its change from this one are both too
-    large.
-    """
+    # N: largest force that errors of the joint torques imitate where the arm moves; it is no
+    # contact.
     mistaken: float = 0.0
-    """N: largest force that errors of the joint torques imitate where the arm moves; it is no contact."""
 
 
 def violation(

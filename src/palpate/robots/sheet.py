@@ -49,11 +49,10 @@ class Reflex:
     load: float = 0.0  # N of weight on the hand, straight down, allowed in addition
     sideways: float = math.inf  # N, of the horizontal force alone
     links: Links | None = None  # thresholds for contacts of the arm's links; None: not checked
+    # N, world axes: force on a hand that starts a motion from a contact, at rest there. The joints'
+    # friction keeps some of it on the way. A new contact then adds to the change as the old contact
+    # ends. So a force beyond `force` counts only if its change is beyond `force` as well.
     pressed: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """N, world axes: force on a hand that starts a motion from a contact, at rest there. The joints' friction
-    keeps some of it on the way. A new contact then adds to the change as the old contact ends. So a force
-    beyond `force` counts only if its change is beyond `force` as well.
-    """
 
     @property
     def least(self) -> float:

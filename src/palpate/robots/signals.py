@@ -16,10 +16,9 @@ from palpate.robots.robot import RobotState
 from palpate.trace.samples import Samples
 
 STALLED = 5  # advances without progress, after which a clock is called stopped
+# s: time that may pass unrequested on a real arm. Its clock goes on while the computer is busy,
+# which is no fault of the clock.
 BY_ITSELF = 30.0
-"""s: time that may pass unrequested on a real arm. Its clock goes on while the computer is busy, which is no
-fault of the clock.
-"""
 OVERSPEED = 1.5  # times a joint's speed limit: a faster encoder jumps
 ENCODER_SLACK = 2e-3  # rad of tolerance between two samples of an encoder
 OVERSHOOT = 2.0  # times the TCP's speed limit: a faster reported pose jumps
@@ -28,18 +27,16 @@ OVERLOAD = 2.0  # times a joint's torque limit: no joint carries more
 WIDTH_SLACK = 0.005  # m that the reported width may lie beyond closed and open fingers
 WIDTH_SPEED = 2.0  # m/s: no finger is as fast
 SIGNALS = ("q", "dq", "tau_ext", "wrench", "pose_world_tcp", "twist", "width")
+# N, N m: change of a contact from one state to the next that needs no confirmation. At 20 mm/s a
+# contact grows by 1 N. A hard contact grows by more, and is confirmed 20 ms late; the robot's own
+# reflex has no such delay. An object that is pressed and rubbed may slip and stick. So changes up
+# to the largest contact within `RUBBED` need no confirmation either.
 FORCE, TORQUE = 4.0, 2.0
-"""N, N m: change of a contact from one state to the next that needs no confirmation. At 20 mm/s a contact
-grows by 1 N. A hard contact grows by more, and is confirmed 20 ms late; the robot's own reflex has no such
-delay. An object that is pressed and rubbed may slip and stick. So changes up to the largest contact within
-`RUBBED` need no confirmation either.
-"""
+# s: time constant with which the largest contact is forgotten. Stick-slip repeats within 0.1 s.
 RUBBED = 0.3
-"""s: time constant with which the largest contact is forgotten. Stick-slip repeats within 0.1 s."""
+# N, N m per rad/s of joint speed (norm): change of a contact from state to state by ripple of the
+# gears. Recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s.
 SHAKEN = 20.0, 5.0
-"""N, N m per rad/s of joint speed (norm): change of a contact from state to state by ripple of the gears.
-Recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s.
-"""
 LOAD = 0.25  # of a joint's torque limit: change of its torque that needs no confirmation
 MOST, WINDOW = 4, 1.0  # number of spikes within that many s that is a fault
 
@@ -247,12 +244,12 @@ def wrong_width(state: RobotState, before: RobotState, arm: RobotDescription) ->
 FROZEN = 0.1  # s without a change in the last bit, before a signal is called frozen
 REPEATS = 4  # equal samples in a row: a noisy signal in coarse steps repeats now and then
 MOVED = 2e-4  # rad: turn of a joint that changes every torque by at least the last bit
+# m: motion of the commanded equilibrium that the arm's encoders must show. A quaternion's change
+# counts with the factor 0.1.
 LED = 1e-3
-"""m: motion of the commanded equilibrium that the arm's encoders must show. A quaternion's change counts
-with the factor 0.1."""
+# N m (N): change from sample to sample, in nine of ten samples. A signal with so much noise never
+# repeats. Torque sensors change by about 20 times as much in 5 ms.
 NOISY = 1e-3
-"""N m (N): change from sample to sample, in nine of ten samples. A signal with so much noise never repeats.
-Torque sensors change by about 20 times as much in 5 ms."""
 LEARNT = 100  # changes in a row from which the noise is known
 ENCODERS = "encoders"  # the signal that forces do not cause
 

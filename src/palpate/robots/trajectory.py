@@ -13,16 +13,16 @@ import numpy as np
 from palpate.common.pose import Array, Pose
 
 SHORTEST = 0.05  # s: shortest duration of a stop
+# Peak acceleration times T, over the change of speed, of a quintic between two steady speeds.
 RAMP_ACCELERATION = 1.5
-"""Peak acceleration times T, over the change of speed, of a quintic between two steady speeds."""
 SWING_PEAK = 1.12  # peak acceleration of a swing over that of its sine, while it grows or fades
+# Quintics per period of a sine: the error is less than a millionth of the sine's amplitude.
 SWING_PIECES = 16
-"""Quintics per period of a sine: the error is less than a millionth of the sine's amplitude."""
 PEAK_SPEED = 1.875  # peak over mean speed of a quintic from rest to rest (minimum jerk)
 PEAK_ACCELERATION = 5.7735  # peak acceleration of the same quintic times T^2 over distance
 SHORTEST_RAMP = 0.1  # s: shortest duration of another change of speed
+# Distance of a change of speed, times acceleration, over the difference of the squared speeds.
 RAMP_WAY = 0.75
-"""Distance of a change of speed, times acceleration, over the difference of the squared speeds."""
 NOTHING = 1e-9  # s: shorter pieces of a motion are dropped
 LONGEST_BRAKING = 1.0  # s: limit for a motion that begins close to its goal and at speed
 _POWERS = np.arange(6)

@@ -24,15 +24,15 @@ from palpate.robots.signals import (
 )
 from palpate.trace.samples import Samples
 
+# rad: largest difference between a joint's motion and the integral of its speed; s: time of the
+# integral.
 DISAGREEMENT, AGREED = 0.03, 0.1
-"""rad: largest difference between a joint's motion and the integral of its speed; s: time of the integral."""
+# N, N m: largest wrench that an empty hand at rest at home may show. An arm's datasheet allows 0.15
+# N of repeatability and 0.8 N of accuracy. Errors of the links' identified masses add the same, and
+# static friction behind the sensors adds to it. If all joints hold the identified 0.15 to 0.64 N m
+# (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248) with the worst signs, they show 3.9 N and
+# 1.1 N m. Single robots may have twice the average.
 EMPTY_FORCE, EMPTY_TORQUE = 10.0, 3.0
-"""N, N m: largest wrench that an empty hand at rest at home may show. An arm's datasheet allows 0.15 N of
-repeatability and 0.8 N of accuracy. Errors of the links' identified masses add the same, and static friction
-behind the sensors adds to it. If all joints hold the identified 0.15 to 0.64 N m (Gaz et al., RA-L 2019,
-doi:10.1109/LRA.2019.2931248) with the worst signs, they show 3.9 N and 1.1 N m. Single robots may have twice
-the average.
-"""
 AT_HOME = 0.02  # rad from home that counts as at home
 SLOW = 0.01  # rad/s: slower joints count as at rest
 RESTED = 0.2  # s at rest before it counts

@@ -37,19 +37,14 @@ if TYPE_CHECKING:
 
 
 METADATA = "palpate.trace"
-PROFILE = "palpate-stream"
-"""Profile in the file header of an unfinished run."""
+PROFILE = "palpate-stream"  # Profile in the file header of an unfinished run
 BLOCKS, EVENTS = "/palpate/samples", "/palpate/events"
+# s of robot time between two blocks: the largest loss when the process is killed.
 BLOCK_SECONDS = 0.25
-"""s of robot time between two blocks: the largest loss when the process is killed."""
-MAX_BYTES = 1 << 30
-"""Largest size of a file that is read; an hour of samples has a tenth of it."""
-MAX_RECORD = 64 << 20
-"""Bytes of one record in the file."""
-MAX_CHUNK = 8 << 20
-"""Bytes of one unpacked chunk; palpate's chunks have 1 MiB."""
-MAX_RATIO = 20
-"""Unpacked bytes per byte of the file, beyond one chunk; recorded signals have 4."""
+MAX_BYTES = 1 << 30  # Largest size of a file that is read; an hour of samples has a tenth of it
+MAX_RECORD = 64 << 20  # Bytes of one record in the file
+MAX_CHUNK = 8 << 20  # Bytes of one unpacked chunk; palpate's chunks have 1 MiB
+MAX_RATIO = 20  # Unpacked bytes per byte of the file, beyond one chunk; recorded signals have 4
 
 
 @dataclass(frozen=True, slots=True)

@@ -13,12 +13,9 @@ Activity = Literal[
 ]
 Triple = tuple[float, float, float]
 
-ABOVE = " + z_offset"
-"""Suffix of an expression for a pose above another pose."""
-RECORDED = "Recording"
-"""Primitive of the conversions of a recording by another program."""
-GRASPS = ("_pose", "_balance")
-"""Endings of the names of poses at which an object is usually held."""
+ABOVE = " + z_offset"  # Suffix of an expression for a pose above another pose
+RECORDED = "Recording"  # Primitive of the conversions of a recording by another program
+GRASPS = ("_pose", "_balance")  # Endings of the names of poses at which an object is usually held
 
 
 def pose_name(expression: str) -> str:
@@ -30,26 +27,20 @@ def pose_name(expression: str) -> str:
 
 @dataclass(frozen=True, slots=True)
 class Context:
-    """Context of a recording: the plan's symbolic state, not the world's truth.
+    """Context of a recording: the plan's symbolic state, not the world's truth."""
 
-    Attributes:
-        activity: `still` in free air, `moving` in free air, `sliding` (a held object is dragged along
-            its support), or `contact` (pressing on a surface after a guarded motion). In free air also
-            `tilting` (still at several tilts in turn), `turning` (about the vertical, and back) or
-            `swinging` (a sinusoidal rotation). For a fixture `working` (it is moved along its joint, or
-            the empty hand repeats that motion) or `limit` (it is moved to the limits of its joint).
-        at: pose expression last reached.
-        holding: object between the fingers, if any.
-        grasp: pose expression at which it was grasped; in a recording by another program, numbers:
-            position (m) and quaternion wxyz of the object in the hand.
-        support: surface touched or slid on, if any.
-    """
-
+    # `still` in free air, `moving` in free air, `sliding` (a held object is dragged along its
+    # support), or `contact` (pressing on a surface after a guarded motion). In free air also
+    # `tilting` (still at several tilts in turn), `turning` (about the vertical, and back) or
+    # `swinging` (a sinusoidal rotation). For a fixture `working` (it is moved along its joint, or
+    # the empty hand repeats that motion) or `limit` (it is moved to the limits of its joint).
     activity: Activity
-    at: str | None = None
-    holding: str | None = None
+    at: str | None = None  # pose expression last reached
+    holding: str | None = None  # object between the fingers, if any
+    # Pose expression at which it was grasped; in a recording by another program, numbers: position
+    # (m) and quaternion wxyz of the object in the hand.
     grasp: str | None = None
-    support: str | None = None
+    support: str | None = None  # surface touched or slid on, if any
 
     @property
     def is_elsewhere(self) -> bool:
@@ -102,92 +93,63 @@ class Conversion:
 class LeafRun:
     """Execution of a leaf, from its first tick to its last, in robot time (s)."""
 
-    node: str
-    """Path in the plan, e.g. `tree.children[3]`."""
+    node: str  # Path in the plan, e.g. `tree.children[3]`.
     primitive: str
     label: str
     start: float
     end: float
     status: Literal["SUCCESS", "FAILURE", "INVALID"]
     message: str = ""
-    context: Context | None = None
-    """Symbolic state after the leaf ended."""
+    context: Context | None = None  # Symbolic state after the leaf ended
 
 
 @dataclass(frozen=True, slots=True)
 class ChainLink:
-    """Moving link of an arm, at joint angles 0, in the axes of its base.
+    """Moving link of an arm, at joint angles 0, in the axes of its base."""
 
-    Attributes:
-        joint: index of the last hinge that moves it.
-        mass: kg.
-        com: its centre of mass, m.
-        inertia: about its centre of mass, xx yy zz xy xz yz, kg m².
-    """
-
-    joint: int
-    mass: float
-    com: Triple
+    joint: int  # index of the last hinge that moves it
+    mass: float  # kg
+    com: Triple  # its centre of mass, m
+    # About its centre of mass, xx yy zz xy xz yz, kg m².
     inertia: tuple[float, float, float, float, float, float]
 
 
 @dataclass(frozen=True, slots=True)
 class Chain:
-    """The nominal kinematics of a serial arm, at joint angles 0, in the axes of its base.
+    """The nominal kinematics of a serial arm, at joint angles 0, in the axes of its base."""
 
-    Attributes:
-        axes: unit axis of each hinge, from the base on.
-        anchors: a point on each axis, m.
-        tcp: position of the TCP, m.
-        tool: rows of the tool's rotation matrix.
-        links: the moving links, hand and fingers included; empty in an older trace.
-    """
-
-    axes: tuple[Triple, ...]
-    anchors: tuple[Triple, ...]
-    tcp: Triple
-    tool: tuple[Triple, Triple, Triple]
+    axes: tuple[Triple, ...]  # unit axis of each hinge, from the base on
+    anchors: tuple[Triple, ...]  # a point on each axis, m
+    tcp: Triple  # position of the TCP, m
+    tool: tuple[Triple, Triple, Triple]  # rows of the tool's rotation matrix
+    # The moving links, hand and fingers included; empty in an older trace.
     links: tuple[ChainLink, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class NominalHand:
-    """Nominal arm for estimators, plots and files: geometry, datasheet accuracy, names.
+    """Nominal arm for estimators, plots and files: geometry, datasheet accuracy, names."""
 
-    Attributes:
-        tip_offset: distance from the TCP to the end of the fingertips along the tool axis, m.
-        force_repeatability: N, per approach.
-        torque_gain: relative error of the joint torque sensors, half width.
-        pose_repeatability: m.
-        force_resolution: N.
-        force_accuracy: N, of a single force without a reference.
-        tip_offset_std: standard deviation of `tip_offset`, m.
-        tip_compliance: compliance of pads and joints behind the encoders, under a force along the tool,
-            m/N.
-        tip_compliance_std: standard deviation of `tip_compliance`, m/N.
-        gain_covariance: (7, 7), of the joints' relative gain errors after calibration; None if only
-            `torque_gain` is known.
-        chain: kinematics of the arm; None in an older trace.
-        ripple_cycles: gear ripples per turn of each joint; None if unknown.
-        joints, fingers: names, as logged; an older trace without them is from an FR3.
-        payload: kg that the arm may carry; an older trace without it is from an FR3.
-    """
-
-    tip_offset: float
-    force_repeatability: float
-    torque_gain: float
-    pose_repeatability: float
+    tip_offset: float  # distance from the TCP to the end of the fingertips along the tool axis, m
+    force_repeatability: float  # N, per approach
+    torque_gain: float  # relative error of the joint torque sensors, half width
+    pose_repeatability: float  # m
+    # joints, fingers: names, as logged; an older trace without them is from an FR3.
     joints: tuple[str, ...] = tuple(f"fr3_joint{i}" for i in range(1, 8))
     fingers: tuple[str, str] = ("fr3_finger_joint1", "fr3_finger_joint2")
-    force_resolution: float = 0.05
-    force_accuracy: float = 0.8
-    tip_offset_std: float = 2e-4
+    force_resolution: float = 0.05  # N
+    force_accuracy: float = 0.8  # N, of a single force without a reference
+    tip_offset_std: float = 2e-4  # standard deviation of `tip_offset`, m
+    # Compliance of pads and joints behind the encoders, under a force along the tool, m/N.
     tip_compliance: float = 0.0
-    tip_compliance_std: float = 1e-6
+    tip_compliance_std: float = 1e-6  # standard deviation of `tip_compliance`, m/N
+    # (7, 7), of the joints' relative gain errors after calibration; None if only `torque_gain` is
+    # known.
     gain_covariance: tuple[tuple[float, ...], ...] | None = None
-    chain: Chain | None = None
+    chain: Chain | None = None  # kinematics of the arm; None in an older trace
+    # Gear ripples per turn of each joint; None if unknown.
     ripple_cycles: tuple[float, ...] | None = None
-    payload: float = 3.0
+    payload: float = 3.0  # kg that the arm may carry; an older trace without it is from an FR3
 
 
 # Recording of an arm in motion, from any logging program.
@@ -195,25 +157,16 @@ class NominalHand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLog:
-    """Joint signals of an arm with seven joints, in the order of its chain.
+    """Joint signals of an arm with seven joints, in the order of its chain."""
 
-    Attributes:
-        t: (n,) s, increasing.
-        q: (n, 7) joint positions, rad.
-        dq: (n, 7) joint velocities, rad/s.
-        tau: (n, 7) sensed joint torques, gravity included (libfranka's tau_J), N m.
-        tau_ext: (n, 7) the controller's own estimate of external torques, N m; None where not logged.
-        source: name of the file or topic, for messages.
-        notes: repairs made during reading, one sentence each.
-    """
-
-    t: Array
-    q: Array
-    dq: Array
-    tau: Array
+    t: Array  # (n,) s, increasing
+    q: Array  # (n, 7) joint positions, rad
+    dq: Array  # (n, 7) joint velocities, rad/s
+    tau: Array  # (n, 7) sensed joint torques, gravity included (libfranka's tau_J), N m
+    # (n, 7) the controller's own estimate of external torques, N m; None where not logged.
     tau_ext: Array | None
-    source: str
-    notes: tuple[str, ...] = ()
+    source: str  # name of the file or topic, for messages
+    notes: tuple[str, ...] = ()  # repairs made during reading, one sentence each
 
     def __len__(self) -> int:
         return len(self.t)

@@ -36,41 +36,29 @@ PARTS = {
     "twist": ("twist_", "vx vy vz wx wy wz"),
     "target_world_tcp": ("target_", POSE_PARTS),
 }
+# Names of the columns of each signal that has several.
 COLUMNS = {
     signal: tuple(f"{prefix}{part}" for part in parts.split())
     for signal, (prefix, parts) in PARTS.items()
 }
-"""Names of the columns of each signal that has several."""
 
+# m/s^2: MuJoCo's default gravity. A scene with another value passes it on in the `Trace`.
 STANDARD_GRAVITY = 9.81
-"""m/s^2: MuJoCo's default gravity. A scene with another value passes it on in the `Trace`."""
 
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Samples:
-    """Sensed signals, one row per log period (block means of the 1 kHz control loop).
+    """Sensed signals, one row per log period (block means of the 1 kHz control loop)."""
 
-    Attributes:
-        t: (n,) robot time, s.
-        q: (n, 7) joint positions, rad.
-        dq: (n, 7) joint velocities, rad/s.
-        tau_ext: (n, 7) measured joint torques less nominal gravity and friction, N m.
-        wrench: (n, 6) external wrench at the TCP in world axes (see the module's convention).
-        pose_world_tcp: (n, 7) position (m) and quaternion wxyz of the TCP.
-        twist: (n, 6) linear (m/s) and angular (rad/s) velocity of the TCP, world axes.
-        target_world_tcp: (n, 7) the commanded equilibrium pose.
-        width: (n,) opening between the fingers, m.
-    """
-
-    t: Array
-    q: Array
-    dq: Array
-    tau_ext: Array
-    wrench: Array
-    pose_world_tcp: Array
-    twist: Array
-    target_world_tcp: Array
-    width: Array
+    t: Array  # (n,) robot time, s
+    q: Array  # (n, 7) joint positions, rad
+    dq: Array  # (n, 7) joint velocities, rad/s
+    tau_ext: Array  # (n, 7) measured joint torques less nominal gravity and friction, N m
+    wrench: Array  # (n, 6) external wrench at the TCP in world axes (see the module's convention)
+    pose_world_tcp: Array  # (n, 7) position (m) and quaternion wxyz of the TCP
+    twist: Array  # (n, 6) linear (m/s) and angular (rad/s) velocity of the TCP, world axes
+    target_world_tcp: Array  # (n, 7) the commanded equilibrium pose
+    width: Array  # (n,) opening between the fingers, m
 
     @classmethod
     def empty(cls) -> Samples:
@@ -234,8 +222,8 @@ def once(find: Callable[Concatenate[K, P], T]) -> Callable[Concatenate[K, P], T]
 # actions until the plan was resumed.
 
 
+# Prefix of a leaf's path in the plan of a later attempt or round; empty in the first.
 ATTEMPT = re.compile(r"((replan|repeat)\[\d+\]\.)*")
-"""Prefix of a leaf's path in the plan of a later attempt or round; empty in the first."""
 
 
 class SpoiledSpan(NamedTuple):
@@ -306,11 +294,10 @@ def sound(trace: Trace) -> Trace:
 # Part of a long trace that is evidence of one object.
 
 
+# s before and after an object was in the hand. It is longer than the time around it from which an
+# estimate takes the empty hand's motions (`estimation.load_blocks.WHOLE_AROUND`). The rms of z over
+# 30 masses is .54; from all of their runs it is .59.
 AROUND = 20.0
-"""s before and after an object was in the hand. It is longer than the time around it from which an estimate
-takes the empty hand's motions (`estimation.load_blocks.WHOLE_AROUND`). The rms of z over 30 masses is .54; from all of
-their runs it is .59.
-"""
 
 
 class Recorded(Protocol):

@@ -18,8 +18,7 @@ from palpate.common.pose import Array
 from palpate.trace.recording import LeafRun, NominalHand
 from palpate.trace.samples import Samples, Trace
 
-LITTLE_ENDIAN = b"\x00\x01\x00\x00"
-"""Header of every message: plain CDR, little-endian."""
+LITTLE_ENDIAN = b"\x00\x01\x00\x00"  # Header of every message: plain CDR, little-endian
 
 MESSAGES = Path(__file__).with_name("messages.msg")
 
@@ -165,8 +164,8 @@ class Layout:
 
 
 WORLD, TCP, TCP_WORLD_AXES = "world", "tcp", "tcp_world_axes"
+# Levels of `rcl_interfaces/Log`: INFO, WARN and ERROR, by a leaf's status.
 LEVELS = {"SUCCESS": 20, "INVALID": 30, "FAILURE": 40}
-"""Levels of `rcl_interfaces/Log`: INFO, WARN and ERROR, by a leaf's status."""
 
 
 class Message(NamedTuple):

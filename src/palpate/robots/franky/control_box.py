@@ -78,10 +78,9 @@ SCHEME = "franky"
 FORM = "franky://HOST, e.g. franky://172.16.0.2, or franky://HOST?realtime=ignore"
 ROBOT_PORT = 1337  # libfranka's command port of the arm
 ANSWERS = 2.0  # s in which a control box accepts a connection, and answers a greeting
+# Version of the robot interface of libfranka 0.18 and later, with which franky-control 2.0 is built
+# (libfranka-common, research_interface/robot/rbk_types.h and service_types.h).
 SPOKEN = 10
-"""Version of the robot interface of libfranka 0.18 and later, with which franky-control 2.0 is built
-(libfranka-common, research_interface/robot/rbk_types.h and service_types.h).
-"""
 RECOVER = 10  # the command AutomaticErrorRecovery (rbk_types.h)
 INCOMPATIBLE = 1  # status of an answer that refuses the version; 0 accepts it (service_types.h)
 
@@ -104,15 +103,11 @@ WHEEL = (
 
 @dataclass(frozen=True, slots=True)
 class Address:
-    """Address of a control box.
+    """Address of a control box."""
 
-    Attributes:
-        host: its name or IP address.
-        realtime: True if this computer must have a realtime kernel, as a 1 kHz control loop needs;
-            False on loopback, where no arm moves.
-    """
-
-    host: str
+    host: str  # its name or IP address
+    # True if this computer must have a realtime kernel, as a 1 kHz control loop needs; False on
+    # loopback, where no arm moves.
     realtime: bool = True
 
     def __str__(self) -> str:

@@ -25,18 +25,16 @@ from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY
 
 NEAR_END = np.radians(5.0)  # rad: a joint nearer to its end stop has no room to plan with
+# kg, m: tolerance between the end effectors of Desk and robot.yaml. At 5 cm from the wrist's axis
+# this is 0.2 N m.
 WEIGHT, CENTRE = 0.05, 0.01
-"""kg, m: tolerance between the end effectors of Desk and robot.yaml. At 5 cm from the wrist's axis this is
-0.2 N m.
-"""
+# N m: torque beyond the model that each joint of a resting arm may show. It covers static friction
+# and the model's error (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the
+# large joints).
 LEFT = (1.5, 1.5, 1.5, 1.5, 0.6, 0.6, 0.6)
-"""N m: torque beyond the model that each joint of a resting arm may show. It covers static friction and the
-model's error (Gaz et al., RA-L 2019, doi:10.1109/LRA.2019.2931248, about 1 N m in the large joints).
-"""
+# Share of cycles that must be answered in time. franky-control's README and libfranka's
+# communication_test demand more than 0.95.
 ARRIVE = 0.99
-"""Share of cycles that must be answered in time. franky-control's README and libfranka's communication_test
-demand more than 0.95.
-"""
 LISTENED = 5.0  # s
 
 

@@ -152,10 +152,9 @@ class HandThread:
 
 SHORTEST, SLICE = 0.001, 0.005  # s of wall time to wait for the next cycles
 OWN_STALL = 0.7  # s of silence allowed for a computer without a realtime kernel, or on loopback
+# s: silence beyond `OWN_STALL` after which the control box counts as lost. At that time, the last
+# data can still be acted on.
 SILENT = 0.08
-"""s: silence beyond `OWN_STALL` after which the control box counts as lost. At that time, the last data can
-still be acted on.
-"""
 GAP = 0.03  # s without a sample
 ANSWERS = 0.1  # s in which a control box that ended a motion reports its mode
 

@@ -27,14 +27,13 @@ from palpate.robots.springs import SpringInertia
 from palpate.robots.trajectory import MotionState, PosePath, PositionPath
 from palpate.trace.samples import Samples
 
+# Share of the pace at which the arm first moves to its ready pose: its start and surroundings are
+# unknown.
 APPROACH = 0.25
-"""Share of the pace at which the arm first moves to its ready pose: its start and surroundings are
-unknown.
-"""
 AT_READY = 0.02  # rad from home that counts as the ready pose
 
+# Makes a course from the present one and its clock, s.
 Maker = Callable[[Course | None, float], Course]
-"""Makes a course from the present one and its clock, s."""
 
 
 class FrankyRobot(Commanded):

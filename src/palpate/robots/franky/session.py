@@ -23,8 +23,8 @@ from palpate.trace.samples import Samples
 BLOCK = 5  # cycles per logged sample: 200 Hz
 PERIOD = BLOCK * CYCLE
 MATCH, TURNED = 0.002, np.radians(0.5)  # m, rad: tolerance of the TCP
+# Signals of franky's states in the black box, under their own names.
 SIGNALS = ("q", "dq", "tau_J", "tau_J_d", "tau_ext_hat_filtered", "O_F_ext_hat_K")
-"""Signals of franky's states in the black box, under their own names."""
 
 
 class StateReadout:
@@ -182,12 +182,11 @@ def black_box(rows: Sequence[CycleRow], why: str) -> Mapping[str, Array] | None:
 CONNECTED = 4.0  # s within which the control box must answer
 LET_GO = 0.6  # s to wait for the end of a control loop
 ANSWERS = 2.0  # s within which a guided arm and its hand report their pose
+# Share of a joint's torque limit that an external torque may reach before the control box stops the
+# arm.
 TORQUES = 0.9
-"""Share of a joint's torque limit that an external torque may reach before the control box stops the
-arm."""
 
-_abandoned: list[Any] = []
-"""Objects of franky whose destructors would wait for a lost control box."""
+_abandoned: list[Any] = []  # Objects of franky whose destructors would wait for a lost control box
 
 
 class FrankySession:

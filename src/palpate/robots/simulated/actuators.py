@@ -105,8 +105,8 @@ LAG = 0.015  # s: lag of the fingers behind their set-point
 STANDSTILL = 0.001  # m/s: slower fingers count as at rest
 STANDING = 0.1  # s at rest before the fingers count as stopped
 NOTHING = 0.002  # m: an opening below this is an empty hand
+# m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad.
 ROUNDING = 0.0015
-"""m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad."""
 
 
 def add_drive(robot: mujoco.MjSpec, hand: ParallelHand) -> None:

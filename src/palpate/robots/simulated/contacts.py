@@ -12,15 +12,13 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.robots.description import PREFIX, RobotDescription
 
 BITS = 31  # of a non-negative 32 bit integer
+# MuJoCo's defaults of solref and solimp. A geom with these values states no softness (XMLreference,
+# geom).
 HARDNESS = ((0.02, 1.0), (0.9, 0.95, 0.001, 0.5, 2.0))
-"""MuJoCo's defaults of solref and solimp. A geom with these values states no softness (XMLreference,
-geom).
-"""
 STATIC_FRICTION = "static_friction_"
+# m/s: speed from which an object counts as sliding. It is well above MuJoCo's creep and well below
+# any commanded slide.
 SLIP = 0.002
-"""m/s: speed from which an object counts as sliding. It is well above MuJoCo's creep and well below any
-commanded slide.
-"""
 OWN, FIXED = 1, 2  # geoms of the object, and of bodies that never move
 
 

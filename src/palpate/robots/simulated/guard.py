@@ -19,19 +19,17 @@ from palpate.robots.sheet import Reflex
 from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, TIMESTEP
 from palpate.robots.springs import SpringGains
 
+# s: time constant of the observer. Franka states that its arms detect a collision within 2 ms
+# (Panda datasheet, "collision detection time").
 OBSERVER_TIME = 0.005
-"""s: time constant of the observer. Franka states that its arms detect a collision within 2 ms (Panda
-datasheet, "collision detection time").
-"""
+# 1/s: rate at which the arm slows down after it has stopped itself, within its joints' torques. A
+# motion of 0.25 m/s ends after 2 mm. A heavy arm is in contact with a rigid post for about 10 ms.
+# The post should not have to absorb the momentum that the arm can brake in this time.
 BRAKING = 150.0
-"""1/s: rate at which the arm slows down after it has stopped itself, within its joints' torques. A motion of
-0.25 m/s ends after 2 mm. A heavy arm is in contact with a rigid post for about 10 ms. The post should not
-have to absorb the momentum that the arm can brake in this time.
-"""
+# N: change of the force that counts as noticed; s: time constant of the average that it is compared
+# with. A slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is noticed after 0.1 s, at
+# 3.5 N.
 FELT, USUAL_TIME = 3.0, 0.3
-"""N: change of the force that counts as noticed; s: time constant of the average that it is compared with.
-A slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is noticed after 0.1 s, at 3.5 N.
-"""
 
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP

@@ -19,11 +19,10 @@ from palpate.robots.simulated.world import World
 from palpate.robots.springs import SpringGains
 from palpate.robots.trajectory import PosePath, PositionPath, quaternion_matrix, rotate_quaternion
 
+# Share of a new deviation that is applied in a run of cycles. Where joints or pads deform, the
+# deviation follows the force and the force follows the set-point. The full deviation would
+# oscillate where they are softer than the controller's springs.
 BLEND = 0.5
-"""Share of a new deviation that is applied in a run of cycles. Where joints or pads deform, the deviation
-follows the force and the force follows the set-point. The full deviation would oscillate where they are
-softer than the controller's springs.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

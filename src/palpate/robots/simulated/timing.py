@@ -8,10 +8,9 @@ from typing import Protocol, runtime_checkable
 import mujoco
 
 TIMESTEP = 0.001  # s, the control cycle, 1 kHz
+# Default physics steps in a control cycle, while anything touches or moves apart from the arm. With
+# 1 ms, contacts and grasps are inaccurate.
 SUBSTEPS = 2
-"""Default physics steps in a control cycle, while anything touches or moves apart from the arm. With 1 ms,
-contacts and grasps are inaccurate.
-"""
 BLOCK = 5  # cycles per logged sample: 200 Hz
 PERIOD = BLOCK * TIMESTEP
 LONGEST_RUN = 8  # log periods, at most, between two updates of the feed-forward torques: 25 Hz

@@ -40,19 +40,18 @@ from palpate.robots.simulated.timing import (
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 LEVEL = 0.01  # rad, largest inclination of gravity
+# m/s: objects slower than this sleep, and cost no computing time until a moving object touches
+# them. A cylinder on its end trembles at about 5e-5 m/s for ever, by the rounding of its contacts.
 ASLEEP = 1e-4
-"""m/s: objects slower than this sleep, and cost no computing time until a moving object touches them. A
-cylinder on its end trembles at about 5e-5 m/s for ever, by the rounding of its contacts.
-"""
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
 SENSED = 10  # values of these sensors: 7 motor torques and the 3 components of the hand's force
 NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
+# Features of MuJoCo that a robot needs.
 NEEDED = (
     *("gravity", "contact", "constraint", "equality", "limit"),
     *("frictionloss", "actuation", "spring", "damper"),
 )
-"""Features of MuJoCo that a robot needs."""
 
 
 class Steps(NamedTuple):

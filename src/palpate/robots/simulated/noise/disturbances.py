@@ -23,10 +23,9 @@ from palpate.trace.samples import STANDARD_GRAVITY
 REACH = 0.3  # m, correlation length of the cable's force
 WAVES = 48  # random waves that make up its field
 REST_SPEED = 3e-3  # rad/s, norm over the joints: slower joints come to rest
+# rad of motion, norm over the joints, after which the next rest is a new approach. It is three
+# times the usual release, which leaves 5 % of the torque that had stuck.
 NEW_APPROACH = 4.5e-3
-"""rad of motion, norm over the joints, after which the next rest is a new approach. It is three times the
-usual release, which leaves 5 % of the torque that had stuck.
-"""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

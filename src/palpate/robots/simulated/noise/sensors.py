@@ -25,14 +25,12 @@ from palpate.robots.simulated.timing import BLOCK, PERIOD
 
 THRESHOLDS = 8  # play operators of the hysteresis, each half as wide as the one before
 WIDEST = 0.25  # of the range: width of the widest play operator
+# Ratio of a loop's width to w S, for swing S and weights w. It lies between 1 and 2, by the place
+# of S between two thresholds; this is its geometric mean.
 LOOP = math.sqrt(2.0)
-"""Ratio of a loop's width to w S, for swing S and weights w. It lies between 1 and 2, by the place of S between
-two thresholds; this is its geometric mean.
-"""
+# s: a random walk has no stationary size. At first it spreads like a drift of that size with this
+# time constant; later it does not return.
 WALK_TIME = 300.0
-"""s: a random walk has no stationary size. At first it spreads like a drift of that size with this time
-constant; later it does not return.
-"""
 AHEAD = 20  # log periods of 1/f noise that are drawn together
 PER_DECADE = 3  # relaxations per decade of 1/f noise: their sum is within 3 % of 1/f
 
@@ -198,10 +196,9 @@ class Wander:
 # Sensors of the arm: joint encoders and joint torque sensors.
 
 
+# s: time constant of the pads' deformation, sqrt(m c) with an arm's 8 kg on 5e-5 m/N. Hard objects
+# of the world ring under an impact; pads would not.
 PAD_TIME = 0.02
-"""s: time constant of the pads' deformation, sqrt(m c) with an arm's 8 kg on 5e-5 m/N. Hard objects of the world
-ring under an impact; pads would not.
-"""
 NOTHING = 1e-6  # N: pads under less than this force are within 0.1 nm of their shape
 YIELDS = -math.expm1(-PERIOD / PAD_TIME)  # share of the deformation in a log period
 
