@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal, Protocol
+from typing import Literal, Protocol, cast
 
 import numpy as np
 from py_trees.behaviour import Behaviour
@@ -122,9 +122,10 @@ def run(
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     watched = Watched(robot, scene.arm, sound=noiseless)
+    passing = cast(Robot, watched)  # it passes all other members of its robot
     choice = NOISELESS if noiseless else MEANWHILE
     blackboard = Blackboard(
-        watched, SymbolicState(scene), Recorder(watched), choice=choice, settled=settled
+        passing, SymbolicState(scene), Recorder(passing), choice=choice, settled=settled
     )
     root = build(plan.tree, words or vocabulary(), blackboard)
     began = time.perf_counter()

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Iterable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 
@@ -54,16 +55,10 @@ class Watched:
         self._advanced = True
         self._seen: RobotState | None = None
         self._shown: RobotState | None = None
-        # Properties of the arm, and commands, pass unchanged.
-        self.limits, self.hand, self.gravity = robot.limits, robot.hand, robot.gravity
-        self.move_joints, self.move_pose, self.move_axis = (
-            robot.move_joints,
-            robot.move_pose,
-            robot.move_axis,
-        )
-        self.swing, self.turn_about, self.hold = robot.swing, robot.turn_about, robot.hold
-        self.open_gripper, self.close_gripper = robot.open_gripper, robot.close_gripper
-        self.set_reflex, self.close = robot.set_reflex, robot.close
+
+    def __getattr__(self, name: str) -> Any:
+        """Pass properties of the arm, and commands, unchanged."""
+        return getattr(self._robot, name)
 
     @property
     def fault(self) -> Fault | None:
