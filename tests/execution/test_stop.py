@@ -281,7 +281,7 @@ def test_a_stopped_fixture_goes_back_slowly_to_where_it_was_found(text, believed
     places = []
 
     def is_moved(robot):
-        places.append((robot.state.t, robot.world.true_pose("lid")))
+        places.append((robot.state.t, robot.world.true_poses(["lid"])["lid"]))
         found = world.body("lid").pose_world
         return found.distance_to(places[-1][1]) > 0.04 or found.angle_to(places[-1][1]) > 0.2
 
@@ -290,7 +290,7 @@ def test_a_stopped_fixture_goes_back_slowly_to_where_it_was_found(text, believed
     assert done.stopped_by == "stop requested"
     assert done.held == HeldObject("lid", "put down")
     assert not robot.state.gripping
-    found, now = world.body("lid").pose_world, robot.world.true_pose("lid")
+    found, now = world.body("lid").pose_world, robot.world.true_poses(["lid"])["lid"]
     assert found.distance_to(now) < 0.001
     assert found.angle_to(now) < 0.005
     # The last leaf is the stop: the fixture moves all the way while the fingers have it.
@@ -336,15 +336,15 @@ def test_a_stop_hits_no_neighbour(gap, half, width, reason):
     assert (reason or "put cup down") in done.trace.leaves[-1].message
     assert (done.held.became == "put down") == (reason is None)
     assert robot.state.width == pytest.approx(width, abs=0.001)
-    assert robot.world.true_pose("peg").distance_to(world.body("peg").pose_world) < 0.001
-    assert robot.world.true_pose("cup").rotation[2, 2] > 0.999
+    assert robot.world.true_poses(["peg"])["peg"].distance_to(world.body("peg").pose_world) < 0.001
+    assert robot.world.true_poses(["cup"])["cup"].rotation[2, 2] > 0.999
 
 
 def test_a_tilted_object_is_upright_before_it_is_put_down():
     world = parse_scene(CELL.format(cup='mass="0.3"', more=""))
 
     def is_tilted(robot):
-        return robot.world.true_pose("cup").rotation[2, 2] < np.cos(np.radians(20.0))
+        return robot.world.true_poses(["cup"])["cup"].rotation[2, 2] < np.cos(np.radians(20.0))
 
     poses = ("cup_pose + z_offset", "cup_pose")
     above, there = (leaf("MovePose", pose=pose) for pose in poses)
