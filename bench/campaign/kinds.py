@@ -12,7 +12,7 @@ from typing import Any
 
 from bench.campaign.ledger import Case, Drawn, Ledger, Row, drawn, judged
 from bench.campaign.page import counts, page
-from bench.faults import hidden, inputs, nasty, plans, runtime, signals
+from bench.faults import hidden, inputs, nasty, plans, runtime, signals, stops
 from bench.faults.bases import bases
 from bench.schema import judging
 from palpate import __version__
@@ -58,6 +58,7 @@ KINDS: dict[str, Kind] = {
     "signals": Kind(
         signals.send, count=100, given=lambda: {"undisturbed": signals.undisturbed_seconds()}
     ),
+    "stops": Kind(stops.stop, count=100, given=warmed_up),
     "poses": Kind(hidden.meet, count=100),
     "obstacles": Kind(hidden.meet, count=100),
     "cautious": Kind(hidden.meet, count=50),

@@ -20,6 +20,7 @@ TITLES = {
     "sensible": "Sensible plans written by hand, to be accepted",
     "runtime": "Faults during a run",
     "signals": "Signals",
+    "stops": "Stops at random moments",
     "poses": "Poses up to 20 mm off",
     "obstacles": "Posts that the scene does not show",
     "cautious": "Posts that the scene does not show, with a cautious arm",
