@@ -11,9 +11,9 @@ import numpy as np
 from bench.campaign.ledger import Drawn, Row, judged_run
 from bench.faults.bases import bases
 from bench.faults.nasty import SENSIBLE, small_scene
+from bench.harm.judge import harm
 from bench.harm.probe import Probed
 from palpate.execution import runner
-from palpate.execution.harm import harm
 from palpate.execution.rehearsal import AFTERWARDS, named_objects
 from palpate.execution.simulated_cell import simulated_cell
 from palpate.execution.witness import Witness
