@@ -253,5 +253,32 @@ def bounds(
     show_bounds(found, as_json)
 
 
+@command(app)
+def peers(
+    *,
+    noise: Noises = ["measured"],  # noqa: B006 - typer's default of an option that may be repeated
+    seed: Seed = 0,
+    seeds: Seeds = 5,
+    masses: Annotated[
+        list[float], typer.Option("--mass", min=0.0, max=3.0, help="kg; may be repeated.")
+    ] = [0.25, 0.5, 1.0, 2.0],  # noqa: B006 - likewise
+    recordings: Annotated[
+        Path | None, typer.Option("--recordings", help="Folder of recordings; read if there.")
+    ] = None,
+    out: Annotated[Path | None, typer.Option("--out", help="File of rows, appended.")] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Error, stated deviation, z and coverage of palpate and of two published estimators.
+
+    Each recording has 24 s of palpate's own motion with the empty hand, and 24 s with a load.
+    """
+    from bench.peers.recordings import cases
+    from bench.peers.study import study, summary
+    from bench.show import show_peers
+
+    chosen = cases(noise, range(seed, seed + seeds), masses)
+    show_peers(summary(study(chosen, recordings, out)), as_json)
+
+
 if __name__ == "__main__":
     app()

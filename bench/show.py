@@ -16,6 +16,7 @@ from bench.campaign.page import counts
 from bench.deceptions.page import Coverage, by_world, coverage, worst
 from bench.fixtures import Group
 from bench.mishaps import Ending
+from bench.peers.study import Line
 from palpate.cli.console import out, print_json
 from palpate.cli.show_layout import TableColumn, print_rows
 
@@ -81,6 +82,37 @@ def show_fixtures(rows: Sequence[Group], as_json: bool) -> None:
         figures = [f"{row.z:.2f}", f"{100.0 * row.width:.1f} %", f"{row.peak:.0f}"]
         cells.append([row.scenario, row.noise, row.quantity, *counts, *figures])
     print_rows(FIXTURES, cells)
+
+
+PEERS = (
+    TableColumn("quantity"),
+    TableColumn("noise"),
+    TableColumn("load"),
+    TableColumn("method", words=True),
+    TableColumn("values", right=True),
+    TableColumn("rms error", right=True),
+    TableColumn("stated", right=True),
+    TableColumn("z", right=True),
+    TableColumn("in 95 %", right=True),
+    TableColumn("processor", right=True),
+)
+UNITS = {"mass": (1e3, "g"), "com": (1e3, "mm"), "inertia": (1e6, "kg·mm²")}
+"""Factor to the unit of a quantity in the table of peers, and that unit."""
+
+
+def show_peers(lines: Sequence[Line], as_json: bool) -> None:
+    """Errors of palpate and of published estimators."""
+    if as_json:
+        print_json({"rows": [asdict(line) for line in lines]})
+        return
+    cells: list[list[str]] = []
+    for line in lines:
+        factor, unit = UNITS[line.quantity]
+        sizes = [f"{factor * size:.3g} {unit}" for size in (line.rms, line.stated)]
+        shares = [f"{line.z:.2f}", f"{line.coverage:.0%}", f"{line.seconds:.2f} s"]
+        names = [line.quantity, escape(line.noise), line.load, line.method, str(line.values)]
+        cells.append([*names, *sizes, *shares])
+    print_rows(PEERS, cells)
 
 
 def show_bounds(rows: Sequence[OverBound], as_json: bool) -> None:
