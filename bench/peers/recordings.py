@@ -43,6 +43,14 @@ STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
 RUN = 8
 """Log periods that share one Jacobian in the sensors' model."""
 GRAVITY: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+STRANGE = "strange"
+"""Noise model whose arm has the friction of `maxwell_slip`."""
+LEVEL = np.array([0.45, 0.4, 0.3, 0.35, 0.35, 0.25, 0.2])
+"""N m: its level. It is the mean of three real arms (docs/noise.md)."""
+YIELDS = (4e-4, 1.2e-3, 2e-3, 6e-3)
+"""rad at which each of its elements begins to slide."""
+LOAD_SHARE, STRIBECK, SLOW, VISCOUS = 5e-3, 0.3, 0.05, 0.2
+"""Its growth with the joint torque, and at low speed (below `SLOW`, rad/s); N m s/rad of viscous friction."""
 STREAM = 54
 """Random stream of the loads, independent of the arm's errors."""
 
@@ -142,6 +150,8 @@ def simulate(case: Case, load: Load) -> ArmLog:
     dq = np.gradient(q, PERIOD, axis=0)
     ddq = np.gradient(dq, PERIOD, axis=0)
     tau = np.where(held[:, None], torques(loaded, q, dq, ddq), torques(empty, q, dq, ddq))
+    if Path(case.noise).stem == STRANGE:
+        tau += maxwell_slip(q, dq, tau)
     # Sensors are zeroed at home with the empty hand, and then measure run by run.
     nominal = NominalArm(arm, Pose.of([0.0, 0.0, 0.0]), GRAVITY).kinematics(q[:1])
     chain = arm.nominal.chain
@@ -166,6 +176,21 @@ def simulate(case: Case, load: Load) -> ArmLog:
         for signal in (reported, rates)
     )
     return ArmLog(t, *rows, np.concatenate(sensors.line.kept), None, case.name)
+
+
+def maxwell_slip(q: Array, dq: Array, tau: Array) -> Array:
+    """Compute the friction (n, 7), N m, of elastic elements in parallel, each with its own sliding distance.
+
+    Source: F. Al-Bender, V. Lampaert and J. Swevers, The generalized Maxwell-slip model, IEEE TAC 50, 2005.
+    """
+    level = (LEVEL + LOAD_SHARE * np.abs(tau)) * (1.0 + STRIBECK * np.exp(-((dq / SLOW) ** 2)))
+    yields = np.array(YIELDS)[:, None]
+    stretch, shares = np.zeros((len(YIELDS), q.shape[1])), np.empty(q.shape)
+    # Each element stretches with the motion up to its sliding distance.
+    for row, step in enumerate(np.diff(q, axis=0, prepend=q[:1])):
+        stretch = np.clip(stretch + step, -yields, yields)
+        shares[row] = (stretch / yields).mean(axis=0)
+    return level * shares + VISCOUS * dq
 
 
 def true_model(truth: TrueArm, gravity: Array, load: Load | None) -> mujoco.MjModel:

@@ -9,17 +9,22 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.arm_motion import (
+    DIFFERENCE,
+    REPEAT,
     SMALLEST_RESIDUAL,
+    EqualMotions,
     JointMotion,
     ResidualSpectrum,
     SpectralNoise,
     frequencies,
     transform_signal,
 )
+from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, PriorScale, fit
 from palpate.estimation.rigid_bodies import (
     PARAMETERS,
     inertia_about_centre,
+    own_motion,
     parameters,
     placed_at,
     regressor,
@@ -38,6 +43,10 @@ HAND_REACH = 0.1
 Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std ×0.8–1.0."""
 
 LINKS, COULOMB = "links", "coulomb"
+HAND, GAIN, COMMON, CROSSTALK = "hand", "gain", "common gain", "cross-talk"
+WEIGHT, INERTIA = "weight", "inertia"
+PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
+"""Parameters of the links: masses and first moments, observable by gravity, and inertias."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -61,11 +70,18 @@ class Bodies:
     load: float
 
     @classmethod
-    def of(cls, chain: Chain, link_mass: float, link_com: float, load: float) -> Bodies:
+    def of(
+        cls,
+        chain: Chain,
+        link_mass: float,
+        link_com: float,
+        load: float,
+        is_hand_known: bool = False,
+    ) -> Bodies:
         """Read the inertial parameters of a chain.
 
         `link_mass` is the relative error of link masses, `link_com` the error of their centres, m (1 sigma each).
-        `load` is the payload, kg.
+        `load` is the payload, kg. The error of a known hand is a part of that of the last link.
         """
         # One own link per joint, about the joint's anchor.
         anchors = np.array(chain.anchors)
@@ -79,8 +95,9 @@ class Bodies:
         beside = [link for link in chain.links if link.joint == len(anchors) - 1]
         hand = parameters([link for link in beside if link is not own[-1]], anchors[-1])
         # Prior deviations of mass, first moment, and inertia about the centre.
-        errors = np.empty_like(links)
-        for error, link in zip(errors, links, strict=True):
+        errors, whole = np.empty_like(links), links.copy()
+        whole[-1] += is_hand_known * hand
+        for error, link in zip(errors, whole, strict=True):
             error[0] = link_mass * link[0]
             error[1:4] = link_com * link[0]
             error[4:] = LINK_INERTIA * np.trace(inertia_about_centre(link)) / 3.0
@@ -118,6 +135,45 @@ class Setup:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
+class FeltTorque:
+    """Torque that the joints bear in a stretch of n rows, and what grows with it.
+
+    Attributes:
+        step: s, time between rows.
+        torque: (n, 7) N m, of the described arm and of the load.
+        friction: (n, 7) Dahl friction of unit level.
+        usual: (7,) N m, size of the torque at home, where the joints have their usual friction.
+    """
+
+    step: float
+    torque: Array
+    friction: Array
+    usual: Array
+
+    def more(self, torque: Array) -> FeltTorque:
+        """Copy with a further `torque` (n, 7), N m."""
+        return replace(self, torque=self.torque + torque)
+
+    def columns(self) -> dict[str, Array]:
+        """Columns (k, 7, …) of sensor gains, cross-talk and delay, and of friction that grows with the torque."""
+        joints = self.torque.shape[1]
+        # The sensor of a joint responds to the torque of each other joint.
+        pairs = [(i, j) for i in range(joints) for j in range(joints) if i != j]
+        torque = transform_signal(self.torque, self.step)
+        read = np.zeros((*torque.shape, len(pairs)))
+        for column, (i, j) in enumerate(pairs):
+            read[:, i, column] = torque[:, j]
+        change = np.gradient(self.torque, self.step, axis=0)
+        loads = self.friction * (np.abs(self.torque) - self.usual)
+        return {
+            GAIN: each(torque),
+            CROSSTALK: read,
+            "delay": transform_signal(change, self.step)[:, :, None],
+            "loaded": each(transform_signal(loads, self.step)),
+        }
+
+
+@dataclass(frozen=True, slots=True, eq=False)
 class SpectrumRows:
     """Torques and their causes in the frequency domain: k coefficients of each of 7 joints.
 
@@ -126,45 +182,56 @@ class SpectrumRows:
         tau_ext: (k, 7) N m, the controller's own estimate; None where not logged.
         columns: (k, 7, c) columns of each cause, by name.
         frequency: (k,) Hz.
+        kind: (k,) kind of each row, see `EqualMotions`. Each kind has a residual of its own.
         samples: number of rows of the stretches, in the time domain.
+        felt: torque of the arm in each stretch, in the time domain.
+        equal: combination of the stretches; None where each has its own rows.
     """
 
     tau: Array
     tau_ext: Array | None
     columns: Mapping[str, Array]
     frequency: Array
+    kind: Array
     samples: int
+    felt: tuple[FeltTorque, ...]
+    equal: EqualMotions | None = None
 
     @classmethod
-    def of(cls, motions: Sequence[JointMotion], setup: Setup) -> SpectrumRows:
-        """Transform stretches of a recording."""
-        return cls.concatenate([_stretch(motion, setup) for motion in motions])
+    def of(
+        cls, motions: Sequence[JointMotion], setup: Setup, equal: EqualMotions | None = None
+    ) -> SpectrumRows:
+        """Transform stretches of a recording; those of one motion are combined."""
+        return cls.concatenate([_stretch(motion, setup) for motion in motions], equal)
 
     @classmethod
-    def concatenate(cls, parts: Sequence[SpectrumRows]) -> SpectrumRows:
-        """Concatenate the rows of several stretches."""
+    def concatenate(
+        cls, parts: Sequence[SpectrumRows], equal: EqualMotions | None = None
+    ) -> SpectrumRows:
+        """Concatenate the rows of several stretches; those of one motion are combined."""
         external = [part.tau_ext for part in parts if part.tau_ext is not None]
+        frequency, kind = [part.frequency for part in parts], [part.kind for part in parts]
+        combine = np.concatenate if equal is None else equal.combine
         return cls(
-            tau=np.concatenate([part.tau for part in parts]),
-            tau_ext=np.concatenate(external) if external else None,
+            tau=combine([part.tau for part in parts]),
+            tau_ext=combine(external) if external else None,
             columns={
-                name: np.concatenate([part.columns[name] for part in parts])
-                for name in parts[0].columns
+                name: combine([part.columns[name] for part in parts]) for name in parts[0].columns
             },
-            frequency=np.concatenate([part.frequency for part in parts]),
+            frequency=np.concatenate(frequency) if equal is None else equal.spread(frequency)[0],
+            kind=np.concatenate(kind) if equal is None else equal.spread(frequency)[1],
             samples=sum(part.samples for part in parts),
+            felt=tuple(one for part in parts for one in part.felt),
+            equal=equal,
         )
 
-    def bearing(self, torque: Array) -> SpectrumRows:
-        """Copy in which the sensors' gains also act on a further `torque` (7 k,), N m."""
-        gain = self.columns["gain"] + each(torque.reshape(self.tau.shape))
-        return replace(self, columns={**self.columns, "gain": gain})
-
-    def of_bodies(self, bodies: Bodies) -> Array:
-        """Columns (k, 7, 7, 10) of mass, first moment and inertia about each link's centre."""
-        by_link = self.columns[LINKS].reshape(*self.tau.shape, -1, PARAMETERS)
-        frames = np.array([bodies.link_frame(i) for i in range(len(bodies.links))])
-        return np.einsum("kjlp,lpx->kjlx", by_link, frames)
+    def bearing(self, torques: Sequence[Array]) -> SpectrumRows:
+        """Copy in which the sensors feel, and friction grows with, a further torque (n, 7), N m, in each stretch."""
+        pairs = zip(self.felt, torques, strict=True)
+        found = [felt.more(torque).columns() for felt, torque in pairs]
+        combine = np.concatenate if self.equal is None else self.equal.combine
+        changed = {name: combine([one[name] for one in found]) for name in found[0]}
+        return replace(self, columns={**self.columns, **changed})
 
 
 def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
@@ -172,32 +239,32 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
     chain, bodies, home = setup.chain, setup.bodies, setup.home
     step = motion.step
     q, dq = motion.q, motion.dq
-    # Torques of the links per unit parameter, and of the described arm with its hand.
-    links = regressor(chain, q, dq, motion.ddq, setup.gravity)
-    weight = bodies.links.copy()
-    weight[-1] += bodies.hand
 
     def static_torque(angles: Array, gravity: Array) -> Array:
         """Gravity torques (n, 7), N m, of the described arm with its hand."""
-        still = np.zeros_like(angles)
-        return np.einsum("njlp,lp->nj", regressor(chain, angles, still, still, gravity), weight)
+        return own_motion(chain, angles, np.zeros_like(angles), np.zeros_like(angles), gravity)
 
     # Measured torque without sensor errors; joint friction grows with its load beyond that at home.
-    felt = np.einsum("njlp,lp->nj", links, weight)
-    loads = np.abs(felt) - np.abs(static_torque(home[None], setup.gravity))
-    # Columns by cause; a gain scales the torque, a delay adds its time derivative.
-    columns = {
-        LINKS: links.reshape(len(q), 7, -1),
-        **_frictions(motion, loads),
-        "offset": each(np.ones_like(q)),
-        "viscous": each(dq),
-        "armature": each(motion.ddq),
-        "cable": each(q - home),
-        "gain": each(felt),
-        "lean": np.stack(
-            [static_torque(q, aside) for aside in STANDARD_GRAVITY * np.eye(3)[:2]], axis=2
-        ),
-        "delay": np.gradient(felt, step, axis=0)[:, :, None],
+    felt = FeltTorque(
+        step,
+        own_motion(chain, q, dq, motion.ddq, setup.gravity),
+        motion.dahl[:, :, 0],
+        np.abs(static_torque(home[None], setup.gravity)[0]),
+    )
+    # Torques of the links per unit parameter: about the joints' anchors, and about the links' centres.
+    links = transform_signal(regressor(chain, q, dq, motion.ddq, setup.gravity), step)
+    frames = np.array([bodies.link_frame(i) for i in range(len(bodies.links))])
+    centred = np.einsum("kjlp,lpx->kjlx", links, frames, optimize=True)
+    own = {"offset": [np.ones_like(q)], "viscous": [dq], "armature": [motion.ddq]}
+    own |= {"cable": [q - home], **_frictions(motion)}
+    lean = [static_torque(q, aside) for aside in STANDARD_GRAVITY * np.eye(3)[:2]]
+    columns = felt.columns() | {
+        LINKS: links.reshape(*links.shape[:2], -1),
+        "lean": transform_signal(np.stack(lean, axis=2), step),
+        **{
+            name: each(*(transform_signal(one, step) for one in some)) for name, some in own.items()
+        },
+        **{name: centred[..., part].reshape(*links.shape[:2], -1) for name, part in PARTS.items()},
     }
     # Torques logged without gravity get the described arm's gravity back.
     external = motion.tau_ext
@@ -207,28 +274,26 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
     return SpectrumRows(
         tau=tau,
         tau_ext=None if external is None else transform_signal(external, step),
-        columns={name: transform_signal(signal, step) for name, signal in columns.items()},
+        columns=columns,
         frequency=frequencies(len(tau), len(q), step),
+        kind=np.zeros(len(tau)),
         samples=len(q),
+        felt=(felt,),
     )
 
 
-def _frictions(motion: JointMotion, loads: Array) -> dict[str, Array]:
-    """Columns of each joint's friction: its level, and its deviations from Dahl's law.
-
-    `loads` (n, 7), N m, are the torques of the joints beyond those at home.
-    """
+def _frictions(motion: JointMotion) -> dict[str, list[Array]]:
+    """Signals (n, 7) of each joint's friction: its level, and its deviations from Dahl's law."""
     q, speed, usual = motion.q, np.abs(motion.dq), motion.dahl[:, :, 0]
-    # Deviations: position (two harmonics), presliding distance, load, speed (Stribeck), and the initial state.
+    # Deviations: position (two harmonics), presliding distance, speed (Stribeck), and the initial state.
     waves = [wave(times * q) for times in (1, 2) for wave in (np.cos, np.sin)]
     others = np.moveaxis(motion.dahl[:, :, 1:], 2, 0)
     return {
-        COULOMB: each(usual),
-        "presliding": each(*(other - usual for other in others)),
-        "uneven": each(*(usual * wave for wave in waves)),
-        "loaded": each(usual * loads),
-        "stribeck": each(*(usual * np.exp(-speed / slow) for slow in STRIBECK_SPEEDS)),
-        "strained": each(*np.moveaxis(motion.strained, 2, 0)),
+        COULOMB: [usual],
+        "presliding": [other - usual for other in others],
+        "uneven": [usual * wave for wave in waves],
+        "stribeck": [usual * np.exp(-speed / slow) for slow in STRIBECK_SPEEDS],
+        "strained": [*np.moveaxis(motion.strained, 2, 0)],
     }
 
 
@@ -282,6 +347,10 @@ LINK_FACTORS = (1.0, 3.0, 10.0, 30.0)
 LIKELY_LINKS = (0.99, 0.006, 0.003, 0.001)
 """Prior probabilities of `LINK_FACTORS`. Chosen, without a source: a description usually belongs to its arm.
 Sensitive: hand 0.1 σ, std ×0.9–1.1."""
+WELL_KEPT = ((0.02, 0.05), (0.1, 1.0), (0.2, 1.0), (0.5, 1.0))
+"""Factors on the errors of link weights and of sensor gains, of arms that are better known than the datasheet says: a
+calibrated one, and others with exact links. They are as likely as factors of 1. Sensitive: mass 0.4 σ, std ×1.0–1.5;
+without them 1.7 σ, std ×1.1 at 0.25 kg and `measured`, ×14 at 2 kg and `lab`."""
 FIRST_RESIDUAL = 0.1
 """N m. Residual in the first round of fitting. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std
 ×0.9–1.0."""
@@ -289,10 +358,6 @@ NOISE_ROUNDS = 4
 """Number of fitting rounds that learn the residual. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.7 σ, std
 ×0.8–1.1."""
 
-HAND, GAIN, COMMON = "hand", "gain", "common gain"
-WEIGHT, INERTIA = "weight", "inertia"
-PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
-"""Parameters of the links: masses and first moments, observable by gravity, and inertias."""
 FRICTION = ("offset", COULOMB, "strained", "viscous")
 DETAILS = (
     "presliding",
@@ -343,12 +408,14 @@ class Assumed:
         hand: (10,) known parameters of all that the last joint carries; None if they are fitted.
         gains: (7, 7) effect of one standard deviation of each cause on the relative errors of the torque sensors.
         common: standard deviation of a gain error common to all sensors.
+        crosstalk: standard deviation of a sensor's response to the torque of another joint.
     """
 
     bodies: Bodies
     hand: Array | None
     gains: Array
     common: float = 0.0
+    crosstalk: float = 0.0
 
     def described(self, rows: SpectrumRows, hand: Array | None) -> Array:
         """(k, 7) torques, N m, of the described links and of a hand."""
@@ -365,7 +432,7 @@ class Assumed:
         """Build one cause: columns, prior, and labels of shared errors."""
         # Columns and prior of the links, the hand, sensor gains, and all other causes.
         if name in PARTS:
-            columns = rows.of_bodies(self.bodies)[..., PARTS[name]]
+            columns = rows.columns[name]
             prior = self.bodies.errors[:, PARTS[name]].ravel()
         elif name == HAND:
             columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
@@ -375,6 +442,9 @@ class Assumed:
         elif name == COMMON:
             columns = rows.columns[GAIN].sum(axis=2, keepdims=True)
             prior = np.array([self.common])
+        elif name == CROSSTALK:
+            columns = rows.columns[CROSSTALK]
+            prior = np.full(columns.shape[2], self.crosstalk)
         else:
             columns = rows.columns[name]
             prior = np.full(columns.shape[2], PRIORS[name])
@@ -408,11 +478,26 @@ class ArmFit:
         return self.assumed.described(rows, self.assumed.hand) + np.reshape(caused, rows.tau.shape)
 
 
+def _arm_scale(assumed: Assumed, is_compared: bool) -> PriorScale:
+    """Scale of the errors of the links' weight and of the sensors' gains.
+
+    Small errors are believed only where a load is compared on equal motion, as errors of the friction model do not
+    cancel elsewhere.
+    """
+    levels = [(link, 1.0) for link in LINK_FACTORS]
+    chances = [*LIKELY_LINKS]
+    if is_compared:
+        levels += WELL_KEPT
+        chances += [LIKELY_LINKS[0]] * len(WELL_KEPT)
+    counts = [assumed.bodies.errors[:, PARTS[WEIGHT]].size, len(assumed.gains) + 1]
+    return PriorScale((WEIGHT, GAIN, COMMON), [np.repeat(one, counts) for one in levels], chances)
+
+
 def fit_arm(
     rows: SpectrumRows,
     assumed: Assumed,
     names: Sequence[str],
-    loads: Sequence[Cause] = (),
+    loads: Sequence[tuple[Cause, Sequence[Array]]] = (),
     others: Sequence[Cause] = (),
     learned: Sequence[PriorScale] = (),
 ) -> ArmFit:
@@ -424,22 +509,29 @@ def fit_arm(
         rows: torques and columns.
         assumed: prior knowledge.
         names: causes of the arm.
-        loads: further causes, on which the sensors' gains act as well.
+        loads: further causes, on which the sensors' errors act as well, and their torques (n, 7, p) in each stretch.
         others: further causes, without gains.
         learned: prior scales of `others` that are learned.
     """
     # The described arm is subtracted, so that the unknowns are corrections to it.
     y = rows.tau - assumed.described(rows, assumed.hand)
-    shape, std = ResidualSpectrum(rows.frequency), np.full(y.shape, FIRST_RESIDUAL)
+    std, spectra = np.full(y.shape, FIRST_RESIDUAL), list[tuple[Mask, ResidualSpectrum]]()
+    for kind in np.unique(rows.kind):
+        here = rows.kind == kind
+        spectrum = ResidualSpectrum(rows.frequency[here], bool(kind in (DIFFERENCE, REPEAT)))
+        spectra.append((here, spectrum))
     scales = [*learned]
-    if WEIGHT in names:
+    if COMMON in names:
+        is_compared = DIFFERENCE in rows.kind and len(loads) == 1
+        scales.append(_arm_scale(assumed, is_compared))
+    elif WEIGHT in names:
         scales.append(PriorScale((WEIGHT,), LINK_FACTORS, LIKELY_LINKS))
     level, felt = np.full(y.shape[1], USUAL_FRICTION), rows
 
     def solve() -> Posterior:
         """Fit all causes with the present residual and friction level."""
         noise = SpectralNoise(std.ravel(), float(y.size))
-        causes = [*loads, *others, *assumed.causes(felt, names, level)]
+        causes = [*(one for one, _ in loads), *others, *assumed.causes(felt, names, level)]
         return fit(causes, noise, y.ravel(), scales)
 
     for _ in range(NOISE_ROUNDS):
@@ -447,10 +539,14 @@ def fit_arm(
         posterior = solve()
         known = posterior.leverage.reshape(y.shape)
         left = posterior.residual.reshape(y.shape) * std
-        pairs = zip(left.T, known.T, strict=True)
-        std = np.stack([shape.std(*pair) for pair in pairs], axis=1)
+        for here, spectrum in spectra:
+            pairs = zip(left[here].T, known[here].T, strict=True)
+            std[here] = np.stack([spectrum.std(*pair) for pair in pairs], axis=1)
         level = np.abs(posterior[COULOMB][0]) + SMALLEST_RESIDUAL
-        felt = rows.bearing(
-            sum((one.columns @ posterior[one.name][0] for one in loads), np.zeros(y.size))
-        )
+        if loads:
+            means = [posterior[cause.name][0] for cause, _ in loads]
+            stretches = zip(*(torques for _, torques in loads), strict=True)
+            felt = rows.bearing(
+                [np.concatenate(parts, axis=2) @ np.concatenate(means) for parts in stretches]
+            )
     return ArmFit(assumed, solve(), level)

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -136,9 +136,10 @@ def cut(
     if seconds < shortest:
         return
     # Equal parts, none longer than `STRETCH`.
-    edges = np.linspace(first, last, int(np.ceil(seconds / STRETCH)) + 1).astype(int).tolist()
-    for start, end in pairwise(edges):
-        yield motion.between(start, end)
+    count = int(np.ceil(seconds / STRETCH))
+    rows = (last - first) // count
+    for start in range(first, first + count * rows, rows):
+        yield motion.between(start, start + rows)
 
 
 def _uniform(log: ArmLog, first: int, last: int) -> JointMotion:
@@ -193,6 +194,168 @@ def _slope(t: Array, signal: Array) -> Array:
     return np.asarray(CubicSpline(t, signal)(t, 1), dtype=np.float64)
 
 
+# Stretches with the same motion
+
+
+ALIKE_ANGLES = 0.01
+"""rad. Largest distance of the angles of two stretches, root mean square over rows and joints, that count as one
+motion. Gear ripple repeats within some mrad; the noise of the difference is learned. Sensitive: no, from 0.004 to
+0.02."""
+COARSE = 20
+"""Rows between those that a search for equal motions compares first."""
+SHORTEST_PERIOD = 4.0
+"""s. Shortest period of a motion; shorter stretches resolve too few frequencies. Sensitive: no."""
+NEARLY_WHOLE = 0.8
+"""Fraction of a period from which the last one counts as complete. Sensitive: no, from 0.7 to 0.9."""
+CARRIED_SHORTEST = 0.5
+"""s: shorter stretches with or without a load are left out. Not sensitive."""
+OWN, MEAN, DIFFERENCE, REPEAT = 0, 1, 2, 3
+"""Kinds of rows: of a stretch alone, of the mean of stretches with the same motion, of their difference with and
+without the load, and of differences between repetitions."""
+
+
+@dataclass(frozen=True, slots=True)
+class EqualMotions:
+    """Groups of stretches with the same motion, whose rows are combined by an orthonormal matrix.
+
+    Errors of the arm's model that depend on the motion alone cancel in differences: ripple, friction that changes with
+    the place, links. Source: the method of differences of torques at equal phase; J. Swevers, W. Verdonck and J. De
+    Schutter, IEEE Control Systems Magazine 27(5), 2007.
+
+    Attributes:
+        groups: indices of the stretches of each group, with and without the load. Each stretch is in one.
+    """
+
+    groups: tuple[tuple[tuple[int, ...], tuple[int, ...]], ...]
+
+    def combine(self, parts: Sequence[Array]) -> Array:
+        """Combine the rows (k, …) of each stretch, group by group."""
+        found: list[Array] = []
+        for loaded, empty in self.groups:
+            rows = np.stack([parts[i] for i in (*loaded, *empty)])
+            found += [*np.tensordot(_combinations(len(loaded), len(empty))[0], rows, axes=1)]
+        return np.concatenate(found)
+
+    def spread(self, parts: Sequence[Array]) -> tuple[Array, Array]:
+        """Values of each combined row: those of `parts` (k,) of its stretch, and its kind."""
+        found: list[Array] = []
+        kinds: list[Array] = []
+        for loaded, empty in self.groups:
+            for i, kind in zip(
+                (*loaded, *empty), _combinations(len(loaded), len(empty))[1], strict=True
+            ):
+                found.append(parts[i])
+                kinds.append(np.full(len(parts[i]), kind))
+        return np.concatenate(found), np.concatenate(kinds)
+
+
+def _combinations(loaded: int, empty: int) -> tuple[Array, list[int]]:
+    """Orthonormal matrix (n, n) of the combinations of `loaded` and `empty` stretches, n in all, and their kinds."""
+    count = loaded + empty
+    if count == 1:
+        return np.eye(1), [OWN]
+    rows, kinds = [np.ones(count)], [MEAN]
+    if loaded and empty:
+        rows.append(np.array([*[1.0 / loaded] * loaded, *[-1.0 / empty] * empty]))
+        kinds.append(DIFFERENCE)
+    # Differences of each repetition from the mean of those before it (Helmert).
+    for first, last in ((0, loaded), (loaded, count)):
+        for i in range(first + 1, last):
+            rows.append(np.zeros(count))
+            rows[-1][first:i], rows[-1][i] = 1.0, float(first - i)
+            kinds.append(REPEAT)
+    found = np.array(rows)
+    return found / np.linalg.norm(found, axis=1, keepdims=True), kinds
+
+
+def equal_motions(
+    loaded: Sequence[JointMotion], empty: Sequence[JointMotion]
+) -> tuple[list[tuple[JointMotion, bool]], EqualMotions]:
+    """Cut the motion with a load into stretches, and that of the empty hand into stretches of the same motions.
+
+    Returns:
+        All stretches, each with True if it is loaded.
+        The groups of those with the same motion.
+    """
+    found = [(one, True) for motion in loaded for one in _periods(motion)]
+    groups = list[tuple[list[int], list[int]]]()
+    # Group loaded stretches of one motion.
+    for i, (one, _) in enumerate(found):
+        firsts = [found[group[0]][0] for group, _ in groups]
+        alike = [
+            len(one) == len(first) and _apart(one, first, 0) < ALIKE_ANGLES for first in firsts
+        ]
+        if any(alike):
+            groups[alike.index(True)][0].append(i)
+        else:
+            groups.append(([i], []))
+    # Find each motion with the empty hand, in rows that no other stretch has taken.
+    for motion in empty:
+        taken = np.zeros(len(motion), dtype=bool)
+        for carried, alone in groups:
+            if not carried:
+                continue
+            one = found[carried[0]][0]
+            for first in _places(one, motion):
+                if not taken[first : first + len(one)].any():
+                    taken[first : first + len(one)] = True
+                    alone.append(len(found))
+                    found.append((motion.between(first, first + len(one)), False))
+        edges = np.flatnonzero(np.diff(taken)) + 1
+        for part in np.split(np.arange(len(motion)), edges):
+            if len(part) and not taken[part[0]]:
+                for rest in cut(motion, int(part[0]), int(part[-1]) + 1, CARRIED_SHORTEST):
+                    groups.append(([], [len(found)]))
+                    found.append((rest, False))
+    return found, EqualMotions(tuple((tuple(a), tuple(b)) for a, b in groups))
+
+
+def _periods(motion: JointMotion) -> Iterator[JointMotion]:
+    """Cut a motion into its periods, or into equal stretches where it has none."""
+    # The period is the least shift by which all of the motion repeats itself.
+    shortest, n = round(SHORTEST_PERIOD / motion.step), len(motion)
+    shifts = sorted(_places(motion.between(0, max(1, n // 3)), motion))
+    period = next(
+        (
+            p
+            for p in shifts
+            if p >= shortest and _apart(motion.between(0, n - p), motion, p) < ALIKE_ANGLES
+        ),
+        n,
+    )
+    # A last period that is nearly complete shortens all; a shorter one is a stretch of its own.
+    count, left = divmod(n, period)
+    length = period
+    if left > NEARLY_WHOLE * period:
+        count, length = count + 1, left
+    if period * motion.step > STRETCH:
+        count = 0
+    for first in range(0, count * period, period):
+        yield motion.between(first, first + length)
+    yield from cut(motion, min(count * period, n), n, CARRIED_SHORTEST)
+
+
+def _apart(one: JointMotion, other: JointMotion, first: int, every: int = 1) -> float:
+    """Distance (rad, root mean square) of the angles of `one` and of `other` from row `first` on."""
+    rows = other.q[first : first + len(one)]
+    if first < 0 or len(rows) < len(one) or abs(one.step - other.step) * len(one) > one.step:
+        return np.inf
+    return float(np.sqrt(np.mean((one.q[::every] - rows[::every]) ** 2)))
+
+
+def _places(one: JointMotion, motion: JointMotion) -> list[int]:
+    """List the first rows in `motion` of stretches with the motion of `one`, the most equal first."""
+    # Compare every `COARSE` rows, and refine each local minimum.
+    starts = range(0, len(motion) - len(one) + 1, COARSE)
+    coarse = [np.inf, *(_apart(one, motion, first, COARSE) for first in starts), np.inf]
+    found: list[tuple[float, int]] = []
+    for place, first in enumerate(starts, 1):
+        if coarse[place] <= min(coarse[place - 1], coarse[place + 1]) < np.inf:
+            near = range(first - COARSE, first + COARSE + 1)
+            found.append(min((_apart(one, motion, row), row) for row in near))
+    return [row for apart, row in sorted(found) if apart < ALIKE_ANGLES]
+
+
 # Signals of an arm in the frequency domain up to `BAND`, and the noise of a fit there
 
 
@@ -211,9 +374,20 @@ SMALLEST_RESIDUAL = 1e-3
 
 def transform_signal(signal: Array, step: float) -> Array:
     """Cosine coefficients (k, 7, …) up to `BAND` of a signal (n, 7, …) with steps of `step` s."""
-    from scipy.fft import dct
+    basis = _cosines(len(signal), count_coefficients(len(signal), step))
+    return (basis @ signal.reshape(len(signal), -1)).reshape(len(basis), *signal.shape[1:])
 
-    return dct(signal, axis=0, norm="ortho")[: count_coefficients(len(signal), step)]
+
+@lru_cache(8)
+def _cosines(rows: int, count: int) -> Array:
+    """First `count` rows of the orthonormal cosine transform (DCT-II) of `rows` rows.
+
+    Only some per cent of the coefficients are needed, so that a product is faster than a fast transform.
+    """
+    found = np.cos(np.pi / rows * np.outer(np.arange(count), np.arange(rows) + 0.5))
+    found *= np.sqrt(2.0 / rows)
+    found[0] /= np.sqrt(2.0)
+    return found
 
 
 def count_coefficients(rows: int, step: float) -> int:
@@ -256,14 +430,18 @@ class ResidualSpectrum:
 
     Attributes:
         frequency: (k,) Hz.
+        is_difference: True for differences of equal motions. There the sensors' 1/f noise is left.
     """
 
     frequency: Array
+    is_difference: bool = False
 
     @cached_property
     def shapes(self) -> Array:
         """(s, k) power over frequency of each candidate."""
         falling = [1.0 / (1.0 + (self.frequency / corner) ** 2) for corner in CORNERS]
+        if self.is_difference:
+            falling.append(CORNERS[0] / self.frequency)
         shares = np.array(WHITE_SHARES)[:, None]
         return np.concatenate([shares + shape for shape in falling])
 

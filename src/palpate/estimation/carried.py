@@ -14,6 +14,7 @@ from palpate.common.pose import Array, Pose, components, tensor_of
 from palpate.estimation.arm_dynamics import SURELY
 from palpate.estimation.arm_fit import (
     COMMON,
+    CROSSTALK,
     DETAILS,
     FRICTION,
     OFFSET_PRIOR,
@@ -22,12 +23,13 @@ from palpate.estimation.arm_fit import (
     Bodies,
     Setup,
     SpectrumRows,
+    each,
     fit_arm,
 )
 from palpate.estimation.arm_motion import (
+    EqualMotions,
     JointMotion,
-    count_coefficients,
-    cut,
+    equal_motions,
     transform_signal,
     uniform_runs,
 )
@@ -44,13 +46,20 @@ from palpate.estimation.estimate import (
     not_identified,
     unit_slopes,
 )
-from palpate.estimation.load_causes import LINK_CENTRE, LINK_MASS
+from palpate.estimation.joint_friction import FLOOR
+from palpate.estimation.load_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
 from palpate.estimation.regression import Cause, Posterior, PriorScale
 from palpate.estimation.rigid_bodies import PARAMETERS, linear, load_torques, of_box, pseudo_inertia
-from palpate.estimation.wrench_observation import common_gain, gain_root, observe
+from palpate.estimation.wrench_observation import (
+    CROSSTALK_SHARE,
+    TORQUE_LEVER,
+    common_gain,
+    gain_root,
+    observe,
+)
 from palpate.mjcf.body import Body
 from palpate.trace.recording import ArmLog, Recording
 from palpate.trace.samples import Trace, once
@@ -60,8 +69,6 @@ CARRIED_PRIOR = (30.0, 10.0, 1.0)
 nothing is known. Not sensitive."""
 HAND_PRIOR = (3.0, 0.5, 0.05)
 """kg, kg m and kg m² (1 sigma): the same prior for an unknown end effector. Not sensitive."""
-CARRIED_SHORTEST = 0.5
-"""s: shorter stretches with or without a load are left out. Not sensitive."""
 RESTARTED = 5.0
 """s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not
 sensitive."""
@@ -69,7 +76,12 @@ LIKELY_RESTART = (0.7, 0.3)
 """prior probabilities that such a gap is not, and is, a restart. Chosen, without a source. Not
 sensitive at 0.9."""
 
-LOAD, HAND = "load", "hand"
+DRIFT_FACTORS = (0.3, 1.0, 3.0, 10.0)
+"""Factors on the drift of the sensors' zeros, `DRIFT`. Repetitions of a motion show it. Sensitive: mass 0.1 σ, std
+×1.0–1.04."""
+LIKELY_DRIFT = (0.3, 0.3, 0.3, 0.1)
+"""Prior probabilities of `DRIFT_FACTORS`. Chosen, without a source. Sensitive: no."""
+LOAD, HAND, ZERO_DRIFT = "load", "hand", "drift"
 """Names of causes."""
 
 
@@ -85,6 +97,7 @@ class CarriedLoad:
         hanging: (s,) stretches in which the load was carried.
         torques: s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch,
             carried or not.
+        equal: groups of stretches with the same motion.
         posterior: of the fit.
         explained: test that the described arm explains the recording.
     """
@@ -94,6 +107,7 @@ class CarriedLoad:
     motions: Sequence[JointMotion]
     hanging: Mask
     torques: Sequence[Array]
+    equal: EqualMotions
     posterior: Posterior
     explained: FitTest
 
@@ -119,7 +133,7 @@ class CarriedLoad:
         for motion, hung, torque in zip(self.motions, self.hanging, self.torques, strict=True):
             here = (start <= motion.t) & (motion.t <= end) & (hung == hanging)
             rows.append(transform_signal(here[:, None] * (torque @ share), motion.step))
-        return np.concatenate(rows).ravel()
+        return self.equal.combine(rows).ravel()
 
 
 @once
@@ -136,45 +150,55 @@ def fit_carried_load(trace: Trace, name: str) -> CarriedLoad | None:
     # Cut the recording into stretches with the load and with the empty hand.
     samples, gravity = trace.samples, -trace.gravity * observed.turn[2]
     log = ArmLog(samples.t, samples.q, samples.dq, observed.signals, None, "")
-    found = [(motion, True) for motion in _stretches(log, rows.loaded)]
-    if not found:
+    loaded, empty = (list(_stretches(log, used)) for used in (rows.loaded, rows.empty))
+    if not loaded:
         return None
-    found += [(motion, False) for motion in _stretches(log, rows.empty)]
+    # Stretches of one motion are combined: what depends on the motion alone cancels.
+    found, equal = equal_motions(loaded, empty)
     # Claim that the described arm explains these rows; it is tested after the fit.
     used = rows.loaded | rows.empty
     claim = Claim.of(log, trace.hand, gravity, rows.loaded, used, held=True)
     motions, hanging = [motion for motion, _ in found], np.array([hung for _, hung in found])
     # Regressors: joint torques of each parameter of the load, and those of the arm's own errors.
     torques = [load_torques(chain, one.q, one.dq, one.ddq, gravity) for one in motions]
-    bodies = Bodies.of(chain, LINK_MASS, LINK_CENTRE, 0.0)
-    seen = SpectrumRows.of(motions, Setup(chain, bodies, samples.q[0], gravity, held=True))
+    bodies = Bodies.of(chain, LINK_MASS, LINK_CENTRE, 0.0, is_hand_known=True)
+    setup = Setup(chain, bodies, samples.q[0], gravity, held=True)
+    seen = SpectrumRows.of(motions, setup, equal)
     # Causes to fit: the load, new sensor zeros after gaps, and sensor gains.
-    loads = list(_loads(trace, motions, hanging, torques))
-    begun = list(_restarts(seen, log, motions))
+    loads = list(_loads(trace, equal, motions, hanging, torques))
+    begun = list(_restarts(log, equal, motions))
     alike = PriorScale(tuple(one.name for one in begun), (0.0, 1.0), LIKELY_RESTART)
     gains, common = gain_root(trace.hand, len(chain.axes)), common_gain(trace.hand)
-    names = (*FRICTION, *DETAILS, *([COMMON] if common else []), *PARTS)
+    names = (*FRICTION, *DETAILS, *([COMMON, CROSSTALK] if common else []), *PARTS)
     learned = [alike] if begun else []
-    assumed = Assumed(bodies, bodies.hand, gains, common)
+    begun.append(_drift(equal, motions))
+    learned.append(PriorScale((ZERO_DRIFT,), DRIFT_FACTORS, LIKELY_DRIFT))
+    crosstalk = CROSSTALK_SHARE * common
+    assumed = Assumed(bodies, bodies.hand, gains, common, crosstalk)
     posterior = fit_arm(seen, assumed, names, loads, begun, learned).posterior
     value, covariance = posterior[LOAD]
-    return CarriedLoad(value, covariance, motions, hanging, torques, posterior, explained(claim))
+    return CarriedLoad(
+        value, covariance, motions, hanging, torques, equal, posterior, explained(claim)
+    )
 
 
 def _loads(
-    trace: Trace, motions: Sequence[JointMotion], hanging: Mask, torques: Sequence[Array]
-) -> Iterator[Cause]:
+    trace: Trace,
+    equal: EqualMotions,
+    motions: Sequence[JointMotion],
+    hanging: Mask,
+    torques: Sequence[Array],
+) -> Iterator[tuple[Cause, Sequence[Array]]]:
     """Yield the load in its stretches; the hand in all stretches where its mass is requested."""
-    # Torques as rows of the fit, set to zero where the load was not carried.
-    parts = [
-        transform_signal(torque, one.step) for torque, one in zip(torques, motions, strict=True)
-    ]
-    borne = [hung * part for hung, part in zip(hanging, parts, strict=True)]
-    columns = np.concatenate(borne).reshape(-1, PARAMETERS)
-    yield Cause(LOAD, columns, _prior(CARRIED_PRIOR))
+    # Torques of a unit of each parameter, zero where the load was not carried.
+    borne = [hung * torque for hung, torque in zip(hanging, torques, strict=True)]
+    loads = [(LOAD, borne, CARRIED_PRIOR)]
     if trace.converted(Parameter(HAND, "mass")) is not None:
-        every = np.concatenate(parts).reshape(-1, PARAMETERS)
-        yield Cause(HAND, every, _prior(HAND_PRIOR))
+        loads.append((HAND, list(torques), HAND_PRIOR))
+    for name, parts, prior in loads:
+        rows = [transform_signal(part, one.step) for part, one in zip(parts, motions, strict=True)]
+        columns = equal.combine(rows).reshape(-1, PARAMETERS)
+        yield Cause(name, columns, _prior(prior)), parts
 
 
 def _prior(sizes: tuple[float, float, float]) -> Array:
@@ -182,17 +206,36 @@ def _prior(sizes: tuple[float, float, float]) -> Array:
     return np.repeat(sizes, (1, 3, 6))
 
 
-def _restarts(seen: SpectrumRows, log: ArmLog, motions: Sequence[JointMotion]) -> Iterator[Cause]:
+def _restarts(log: ArmLog, equal: EqualMotions, motions: Sequence[JointMotion]) -> Iterator[Cause]:
     """Yield new sensor zeros and friction states after each long gap in the recording."""
-    # Start time of the stretch of each row: a restart changes only the later stretches.
-    later = np.concatenate(
-        [np.full(count_coefficients(len(one), one.step), one.t[0]) for one in motions]
-    )
-    own = np.concatenate([seen.columns["offset"], seen.columns["strained"]], axis=2)
     for i in np.flatnonzero(np.diff(log.t) > RESTARTED).tolist():
-        columns = own * (later > log.t[i])[:, None, None]
-        prior = np.full(int(own.shape[2]), OFFSET_PRIOR)
+        # A restart changes only the later stretches.
+        columns = equal.combine(
+            [
+                float(one.t[0] > log.t[i])
+                * each(
+                    transform_signal(np.ones_like(one.q), one.step),
+                    *np.moveaxis(transform_signal(one.strained, one.step), 2, 0),
+                )
+                for one in motions
+            ]
+        )
+        prior = np.full(columns.shape[2], OFFSET_PRIOR)
         yield Cause(f"start at {log.t[i + 1]:g} s", columns.reshape(-1, len(prior)), prior)
+
+
+def _drift(equal: EqualMotions, motions: Sequence[JointMotion]) -> Cause:
+    """Build the drift of the sensors' zeros from stretch to stretch, an Ornstein-Uhlenbeck process."""
+    t = np.array([one.t.mean() for one in motions])
+    between = np.abs(t[:, None] - t)
+    root = np.linalg.cholesky(np.exp(-between / DRIFT_TIME) + FLOOR * np.eye(len(t)))
+    parts: list[Array] = []
+    for one, row in zip(motions, root, strict=True):
+        level = transform_signal(np.ones_like(one.q), one.step)
+        parts.append(each(*(own * level for own in row)))
+    columns = equal.combine(parts)
+    prior = np.full(columns.shape[2], DRIFT * TORQUE_LEVER)
+    return Cause(ZERO_DRIFT, columns.reshape(-1, len(prior)), prior)
 
 
 def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
@@ -204,7 +247,7 @@ def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
         edges = np.flatnonzero(np.diff(used)) + 1
         for part in np.split(np.arange(len(motion)), edges):
             if used[part[0]]:
-                yield from cut(motion, int(part[0]), int(part[-1]) + 1, CARRIED_SHORTEST)
+                yield motion.between(int(part[0]), int(part[-1]) + 1)
 
 
 # Mass, centre of mass and inertia of a carried load.
