@@ -44,11 +44,11 @@ if TYPE_CHECKING:
     from palpate.runs.api import Scene as Scene
     from palpate.runs.api import load as load
     from palpate.runs.api import run as run
+    from palpate.runs.fuse import Fusion as Fusion
     from palpate.runs.recordings import dynamics as dynamics
     from palpate.runs.recordings import estimate as estimate
     from palpate.runs.recordings import noise as noise
     from palpate.runs.recordings import see as see
-    from palpate.runs.stored import Fusion as Fusion
     from palpate.runs.stored import Run as Run
     from palpate.runs.stored import compare as compare
     from palpate.runs.stored import fuse as fuse
@@ -94,7 +94,7 @@ _HOMES = {
     "Cell": "execution.cell",
     "Estimate": "estimation.estimate",
     "ExecutionAborted": "common.errors",
-    "Fusion": "runs.stored",
+    "Fusion": "runs.fuse",
     "InputError": "common.errors",
     "PalpateError": "common.errors",
     "Parameter": "common.parameter",

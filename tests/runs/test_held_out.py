@@ -11,8 +11,9 @@ import palpate as pp
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, FitTest
 from palpate.runs.held_out import BALANCE, TORQUES, WEIGHT, HeldOutMotion, held_out, with_tests
+from palpate.runs.read import held_out_from
 from palpate.runs.report.sections import predictions
-from palpate.runs.result import held_out_from, held_out_json
+from palpate.runs.result import held_out_json
 from palpate.scene.load import parse_scene
 from palpate.trace.samples import Trace
 

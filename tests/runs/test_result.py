@@ -20,7 +20,7 @@ from palpate.execution.rehearsal import Rehearsal
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
 from palpate.runs.read import belief_from, estimate_from
-from palpate.runs.result import belief_json, finite, parameter_json, result_json
+from palpate.runs.result import belief_json, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
@@ -223,7 +223,7 @@ def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
 
 def test_a_value_at_a_bound_is_read_back_with_its_limit() -> None:
     light = Estimate.normal(MASS, "kg", -0.002, 0.004, "Weighed.").bounded((0.0, math.inf))
-    found = json.loads(json.dumps(finite(parameter_json(light))))
+    found = json.loads(json.dumps(parameter_json(light)))
     assert (found["value"], found["bounds"], found["verdict"]) == (
         -0.002,
         [0.0, None],
@@ -244,7 +244,7 @@ def test_a_value_at_a_bound_is_read_back_with_its_limit() -> None:
         "",
         unseen=(5,),
     ).bounded(((0.0, math.inf),) * 3 + ((-math.inf, math.inf),) * 3)
-    found = json.loads(json.dumps(finite(parameter_json(inertia))))
+    found = json.loads(json.dumps(parameter_json(inertia)))
     assert [limit is None for limit in found["at_most"]] == [True, False, True, True, True, True]
     assert estimate_from(found) == inertia
 

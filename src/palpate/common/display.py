@@ -8,6 +8,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from html import escape
 from typing import TYPE_CHECKING, Any
 
+from pydantic_core import to_jsonable_python
+
 from palpate.common.errors import Unavailable
 
 if TYPE_CHECKING:
@@ -41,6 +43,16 @@ def json_text(content: Any, indent: int | None = None) -> str:
     """
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     return _UNSEEN.sub(_json_escape, text)
+
+
+def to_json(content: Any) -> Any:
+    """Convert dataclasses, tuples, paths and arrays to JSON values.
+
+    NaN and infinities become null, because JSON has no such numbers.
+    """
+    return to_jsonable_python(
+        content, inf_nan_mode="null", fallback=lambda array: to_json(array.tolist())
+    )
 
 
 def _escape(found: re.Match[str]) -> str:

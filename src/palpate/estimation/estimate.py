@@ -269,6 +269,7 @@ class Estimate:
         views: charts of the fit; not part of `result.json`.
         reason: a phrase on why it, or a component of it, is prior-dominated; else empty.
         bounds: least and largest physically possible value, of all components or of each.
+        simulated: the values are those of a simulation, which its texts say.
     """
 
     parameter: Parameter
@@ -287,6 +288,7 @@ class Estimate:
     views: tuple[FitView, ...] = ()
     reason: str = ""
     bounds: tuple[float, float] | tuple[tuple[float, float], ...] = UNBOUNDED
+    simulated: bool = False
 
     @classmethod
     def normal(
@@ -514,31 +516,32 @@ class Estimate:
             return NotImplemented
         # Views are derived from the numbers, and charts are not part of the result.
         arrays = {"values", "stds", "intervals", "bounds"}
-        plain = {one.name for one in fields(self)} - arrays - {"views"}
+        plain = {one.name for one in fields(self)} - arrays - {"views", "simulated"}
         return all(getattr(self, name) == getattr(other, name) for name in plain) and all(
             np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays
         )
 
     def __repr__(self) -> str:
+        label = ", simulated" * self.simulated
         if not self.has_value:
-            return f"<{self.parameter}: {self.verdict}>"
+            return f"<{self.parameter}: {self.verdict}{label}>"
         values, stds = _columns(self.values, self.stds)
         text = f"{self.parameter} = {_join_numbers(values)} ± {_join_numbers(stds)}{_suffix(self.unit)}"
         if len(self.values) == 1:
             ends = f"95 % [{', '.join(self._ends(0))}]"
             limit = self.limit_in_words(0)
             text += f", {limit} (95 %)" if limit else f", {ends}"
-        return f"<{text}, {self.verdict_in_words}>"
+        return f"<{text}, {self.verdict_in_words}{label}>"
 
     def cells(self) -> tuple[str, str, str, str]:
         """Cells of a table row with `COLUMNS`: parameter, value ± std, 95 % interval, verdict."""
-        name = str(self.parameter)
+        name, label = str(self.parameter), ", simulated" * self.simulated
         if not self.has_value:
-            return name, "", "", self.verdict
+            return name, "", "", self.verdict + label
         values, stds = _columns(self.values, self.stds)
         bounds = [self.limit_in_words(i) or " … ".join(self._ends(i)) for i in range(len(values))]
         number = f"{_join_numbers(values)} ± {_join_numbers(stds)}{_suffix(self.unit)}"
-        return name, number, ", ".join(bounds), self.verdict_in_words
+        return name, number, ", ".join(bounds), self.verdict_in_words + label
 
     def _repr_html_(self) -> str:
         """Small table for notebooks, one row per component."""

@@ -43,7 +43,6 @@ from palpate.scene.scene import with_real_arm
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
-    from palpate.perception.look import Seen
 
 
 @dataclass(frozen=True, repr=False)
@@ -161,19 +160,8 @@ def hidden_world(
     return Path(world) if isinstance(world, str) else world
 
 
-def plan_of(
-    asked: Settings,
-    scene: InnerScene | None,
-    planner: str | Planner,
-    seen: Seen | None = None,
-) -> Plan:
-    """Ask a planner, by name or as an object, and check its plan.
-
-    Raises:
-        InputError: the plan touches objects that the camera did not see.
-    """
-    made = pipeline.plan(asked, scene, None if isinstance(planner, str) else planner)
-    made = pipeline.require_seen(made, seen)
+def plan_of(made: InnerRun) -> Plan:
+    """Make the public object of the plan of a run that begins."""
     return Plan(**contents_of(made.plan, InnerPlan), begun=made)
 
 
@@ -236,7 +224,8 @@ class Scene(InnerScene):
             within=within,
             model_settings=model_settings or ModelSettings(),
         )
-        return plan_of(asked.check_values(at_hand=True), self, planner)
+        asked = asked.check_values(at_hand=True)
+        return plan_of(pipeline.plan(asked, self, None if isinstance(planner, str) else planner))
 
     @property
     def remarks(self) -> tuple[str, ...]:
@@ -292,11 +281,7 @@ def load(
 
 
 def load_settings(given: Settings, text: str | None = None) -> Scene:
-    """Read the scene that settings name, or MJCF text with the poses and the arm that they name.
-
-    Raises:
-        InputError: malformed XML, missing files, names that do not match.
-    """
+    """Read the scene that settings name, or MJCF text with the poses and the arm that they name."""
     arm = own_arm(given.arm, given.cautious, given.robot_config)
     robots = given.robot_body
     if text is not None:
@@ -386,12 +371,16 @@ def run(
     asked = asked.check_values(at_hand=found is not None)
     if options.get("cell") is None:
         pipeline.preflight(asked)
-    progress = options.get("progress", quiet)
     # Read the world once: the camera may look at the world in which the robot then moves.
     of_run["world"] = hidden_world(options.get("world"), asked)
-    placed, seen = pipeline.look(asked, found, RunCallbacks(progress=progress), of_run["world"])
-    progress("planning")
-    return plan_of(asked, placed, planner, seen).run(**of_run)
+    made = pipeline.prepare(
+        asked,
+        found,
+        RunCallbacks(progress=options.get("progress", quiet)),
+        None if isinstance(planner, str) else planner,
+        of_run["world"],
+    )
+    return plan_of(made).run(**of_run)
 
 
 def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
@@ -407,7 +396,7 @@ def plan_settings(settings: Settings) -> Plan:
         Unavailable: the provider.
     """
     settings = settings.check_values()
-    return plan_of(settings, pipeline.load(settings), settings.planner)
+    return plan_of(pipeline.plan(settings, pipeline.load(settings)))
 
 
 def run_settings(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:

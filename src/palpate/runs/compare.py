@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 
-from palpate.common.display import table, text_table
+from palpate.common.display import table, text_table, to_json
 from palpate.common.errors import InputError
 from palpate.common.parameter import ByParameter, Parameter
 from palpate.common.pose import Array
@@ -16,7 +16,7 @@ from palpate.common.version import __version__
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
 from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
-from palpate.runs.result import finite
+from palpate.runs.result import shape_value
 from palpate.runs.run import Run
 
 COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
@@ -155,19 +155,19 @@ def comparison_json(comparison: Comparison) -> dict[str, Any]:
     # The runs, then their estimates parameter by parameter.
     runs: list[dict[str, Any]] = []
     for name, run in zip(comparison.names, comparison.runs, strict=True):
-        where = None if run.folder is None else str(run.folder.absolute())
+        where = None if run.folder is None else run.folder.absolute()
         of = {"simulated": run.simulated, "arm": arm_of(run), "world": run.world}
         runs.append({"name": name, "folder": where, "status": run.status} | of)
     parameters: list[dict[str, Any]] = []
     for parameter, rows in comparison.rows.items():
-        about = {"object": parameter.object, "quantity": parameter.quantity}
-        units = [row.estimate.unit for row in rows if row.estimate is not None]
-        parameters.append(about | {"unit": units[0], "runs": [_row_json(row) for row in rows]})
-    return finite(
+        unit = next(row.estimate.unit for row in rows if row.estimate is not None)
+        row = asdict(parameter) | {"unit": unit, "runs": [_row_json(row) for row in rows]}
+        parameters.append(row)
+    return to_json(
         {
             "runs": runs,
             "parameters": parameters,
-            "remarks": list(comparison.remarks),
+            "remarks": comparison.remarks,
             "provenance": {"palpate": __version__},
         }
     )
@@ -177,18 +177,10 @@ def _row_json(row: ComparedEstimate) -> dict[str, Any]:
     estimate = row.estimate
     return {
         "run": row.run,
-        "value": _plain(None if estimate is None else estimate.values),
-        "std": _plain(None if estimate is None else estimate.stds),
+        "value": shape_value(None if estimate is None else estimate.values),
+        "std": shape_value(None if estimate is None else estimate.stds),
         "verdict": None if estimate is None else estimate.verdict,
-        "difference": _plain(row.difference),
-        "difference_std": _plain(row.std),
-        "z": _plain(row.z),
+        "difference": shape_value(row.difference),
+        "difference_std": shape_value(row.std),
+        "z": shape_value(row.z),
     }
-
-
-def _plain(numbers: Array | None) -> Any:
-    """Convert (1,) to a scalar, (n,) to a list, nothing to null."""
-    if numbers is None or not len(numbers):
-        return None
-    found: list[float] = np.asarray(numbers).tolist()
-    return found[0] if len(found) == 1 else found

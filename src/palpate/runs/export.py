@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import math
 import tempfile
-from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
+from pydantic import TypeAdapter
+
+from palpate.common.display import to_json
 from palpate.common.errors import InputError
 from palpate.common.version import __version__
 from palpate.runs.folder import new_folder, read_json, write_json
-from palpate.runs.proof import Proof, Proved, prove
+from palpate.runs.proof import Proof, prove
 from palpate.runs.result import parameter_json
 from palpate.runs.run import Run
 from palpate.twin.export import Export, export_twin, require_format
@@ -43,22 +45,18 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
 
 
 def export_json(run: Run, export: Export) -> dict[str, Any]:
-    """Content of `export.json`."""
+    """Content of `export.json`; `read_back` is true if the export contains an estimate's value."""
     return {
         "palpate": __version__,
         "format": export.format,
         "file": export.file.name,
         "simulated": run.simulated,
-        "parameters": list(_rows(run, export)),
+        "parameters": [
+            parameter_json(estimate) | {"read_back": estimate.parameter in export.held}
+            for estimate in run.estimates
+        ],
         "notes": list(export.notes),
     }
-
-
-def _rows(run: Run, export: Export) -> Iterator[dict[str, Any]]:
-    """List every estimate; `read_back` is true if the export contains its value."""
-    for estimate in run.estimates:
-        row = parameter_json(estimate)
-        yield {**row, "read_back": estimate.parameter in export.held}
 
 
 # Proof of a run's twin, kept as `proof.json` in the run folder.
@@ -83,15 +81,8 @@ def prove_run(run: Run) -> Proof:
 
 def proof_json(proof: Proof) -> dict[str, Any]:
     """Content of `proof.json`; null means an object that tips over or falls."""
-    # Infinite errors become null.
-    rows: list[dict[str, Any]] = []
-    for row in proof.rows:
-        errors = {"prior": row.prior, "twin": row.twin, "drawn": row.drawn}
-        said = {"object": row.object, "task": row.task, "says": row.says, "unit": row.unit}
-        numbers = {name: _json(numbers) for name, numbers in errors.items()}
-        promise = {"promise95": _json(row.promise), "depends": row.depends}
-        rows.append({**said, "goal": row.goal, **numbers, **promise})
-    return {"judge": proof.judge, "tasks": rows, "left_out": list(proof.left_out)}
+    rows = [asdict(row) | {"promise95": row.promise, "depends": row.depends} for row in proof.rows]
+    return to_json({"judge": proof.judge, "tasks": rows, "left_out": proof.left_out})
 
 
 def read_proof(folder: Path) -> Proof | None:
@@ -105,28 +96,10 @@ def read_proof(folder: Path) -> Proof | None:
         return None
     document = read_json(file)
     try:
-        rows = tuple(_row(row) for row in document["tasks"])
-        return Proof(rows, str(document["judge"]), tuple(map(str, document["left_out"])))
+        # Null means an infinite error.
+        for row in document["tasks"]:
+            for name in ("prior", "twin", "drawn"):
+                row[name] = [math.inf if error is None else error for error in row[name]]
+        return TypeAdapter(Proof).validate_python(document | {"rows": document["tasks"]})
     except (KeyError, TypeError, ValueError) as error:
         raise InputError(f"'{file}' is no proof: {type(error).__name__}: {error}") from None
-
-
-def _row(row: dict[str, Any]) -> Proved:
-    return Proved(
-        object=str(row["object"]),
-        task=str(row["task"]),
-        says=str(row["says"]),
-        unit=str(row["unit"]),
-        goal=float(row["goal"]),
-        prior=_numbers(row["prior"]),
-        twin=_numbers(row["twin"]),
-        drawn=_numbers(row["drawn"]),
-    )
-
-
-def _json(numbers: Sequence[float]) -> list[float | None]:
-    return [number if math.isfinite(number) else None for number in numbers]
-
-
-def _numbers(document: Sequence[float | None]) -> tuple[float, ...]:
-    return tuple(math.inf if number is None else float(number) for number in document)

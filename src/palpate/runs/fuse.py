@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate.common.display import table, text_table, to_json
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.common.version import __version__
-from palpate.estimation.estimate import Estimate, Estimates, not_identified
+from palpate.estimation.estimate import COLUMNS, Estimate, Estimates, not_identified
 from palpate.estimation.fusion import Source, fuse
 from palpate.runs.folder import new_folder, write_json, write_text
-from palpate.runs.result import finite, parameter_json, twin_json
+from palpate.runs.result import parameter_json, twin_json
 from palpate.runs.run import Run
 from palpate.twin.twin import Twin, build_twin
 
@@ -48,6 +49,30 @@ class Fusion(Estimates):
         """True if every parameter is identified."""
         return all(estimate.identified for estimate in self.estimates)
 
+    def save(self, folder: str | Path) -> Fusion:
+        """Write result and twin into a new folder.
+
+        Raises:
+            InputError: the folder exists or cannot be made.
+        """
+        folder = Path(folder)
+        try:
+            with new_folder(folder) as scratch:
+                for name, text in self.twin.packed(scratch).items():
+                    write_text(scratch / name, text)
+                write_json(scratch / "result.json", fusion_json(self, folder))
+        except OSError as error:
+            raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+        return replace(self, folder=folder)
+
+    def __str__(self) -> str:
+        """The estimates as a table of text."""
+        return text_table(COLUMNS, [estimate.cells() for estimate in self.estimates])
+
+    def _repr_html_(self) -> str:
+        rows = [estimate.cells() for estimate in self.estimates]
+        return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
+
     def __repr__(self) -> str:
         said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
         return f"<Fusion of {len(self.runs)} runs: {said}>"
@@ -73,24 +98,18 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
-        found = _sources(parameter, runs, names)
+        each = [
+            (name, run, estimate_of(run, parameter)) for name, run in zip(names, runs, strict=True)
+        ]
+        found = [Source(name, arm_of(run), one) for name, run, one in each if one is not None]
         sources = [source for source in found if source.estimate.is_evidence]
         left_out += [_left_out(source) for source in found if not source.estimate.is_evidence]
         # A prior is no evidence: without an identified estimate there is no fused value.
         unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
-        estimates.append(fuse(sources) if sources else unknown)
+        fused = fuse(sources) if sources else unknown
+        estimates.append(replace(fused, simulated=runs[0].simulated))
     twin = build_twin(runs[0].scene, estimates)
     return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
-
-
-def _sources(parameter: Parameter, runs: Sequence[Run], names: Sequence[str]) -> list[Source]:
-    """Collect the estimates of a parameter, each with its run and arm."""
-    sources: list[Source] = []
-    for name, run in zip(names, runs, strict=True):
-        estimate = estimate_of(run, parameter)
-        if estimate is not None:
-            sources.append(Source(name, arm_of(run), estimate))
-    return sources
 
 
 def _left_out(source: Source) -> str:
@@ -113,40 +132,24 @@ def arm_of(run: Run) -> str:
 def fusion_json(fusion: Fusion, folder: Path | None) -> dict[str, Any]:
     """Content of the fusion's `result.json`."""
     # Paths exist only for a saved fusion.
-    files: dict[str, str] = {}
+    files: dict[str, Path] = {}
     if folder is not None:
-        named = {"result": "result.json", "twin": "twin.xml"}
-        files = {kind: str((folder / name).absolute()) for kind, name in named.items()}
+        files = {"result": folder / "result.json", "twin": folder / "twin.xml"}
     runs: list[dict[str, Any]] = []
     for name, run in zip(fusion.names, fusion.runs, strict=True):
-        where = None if run.folder is None else str(run.folder.absolute())
+        where = None if run.folder is None else run.folder.absolute()
         runs.append({"name": name, "folder": where, "status": run.status, "arm": arm_of(run)})
     content = {
         "status": "complete" if fusion.identified else "failed",
         "simulated": fusion.runs[0].simulated,
         "runs": runs,
         "parameters": [parameter_json(estimate) for estimate in fusion.estimates],
-        "left_out": list(fusion.left_out),
+        "left_out": fusion.left_out,
         "twin": twin_json(fusion.twin),
-        "files": files,
+        "files": {kind: file.absolute() for kind, file in files.items()},
         "provenance": {"palpate": __version__},
     }
-    return finite(content)
-
-
-def write_fusion(fusion: Fusion, folder: Path) -> None:
-    """Write result and twin into a new folder.
-
-    Raises:
-        InputError: it exists or cannot be made.
-    """
-    try:
-        with new_folder(folder) as scratch:
-            for name, text in fusion.twin.packed(scratch).items():
-                write_text(scratch / name, text)
-            write_json(scratch / "result.json", fusion_json(fusion, folder))
-    except OSError as error:
-        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+    return to_json(content)
 
 
 def names_of(runs: Sequence[Run]) -> tuple[str, ...]:

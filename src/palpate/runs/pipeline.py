@@ -30,45 +30,24 @@ from palpate.runs.saving import (
     darkroom_for,
     film_while_moving,
     folder_for,
-    reopen,
     save,
-    save_proof,
     taken_up,
     with_footage,
     write_report,
 )
+from palpate.runs.saving import reopen as reopen
 from palpate.runs.settings import Settings, request_json
 from palpate.runs.workplace import look, require_seen
 
 if TYPE_CHECKING:
     from palpate.common.processes import Beside
     from palpate.perception.film import Reel
+    from palpate.planning.planner import Planner
     from palpate.primitives.base import Recorder
     from palpate.runs.building import Given
     from palpate.runs.report.writing import Darkroom
+    from palpate.scene.scene import Scene
     from palpate.trace.samples import Samples
-
-
-__all__ = [
-    "build_twin",
-    "carry_out",
-    "confirm",
-    "estimate",
-    "execute",
-    "finish",
-    "load",
-    "look",
-    "measure",
-    "plan",
-    "preflight",
-    "rehearse",
-    "reopen",
-    "require_seen",
-    "run",
-    "save",
-    "save_proof",
-    "touch_twin",
-]
 
 
 def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
@@ -84,15 +63,38 @@ def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     folder = folder_for(settings)
     check_writable(folder)
     with before_anything_moves("planning"):
-        # Look, plan and check. A proposed measurement that the user accepts is planned again.
         preflight(settings)
-        scene, seen = look(settings, load(settings), callbacks)
-        callbacks.progress("planning")
-        made = plan(settings, scene)
-        if made.plan.proposal and callbacks.may_measure(made):
-            made = plan(settings.having(measure=made.plan.proposal), scene)
-        made = replace(require_seen(made, seen), begun=began)
-    return carry_out(made, callbacks, folder=folder)
+        made = prepare(settings, load(settings), callbacks)
+    return carry_out(replace(made, begun=began), callbacks, folder=folder)
+
+
+def prepare(
+    settings: Settings,
+    scene: Scene | None,
+    callbacks: RunCallbacks = SILENT,
+    planner: Planner | None = None,
+    world: Path | Scene | None = None,
+) -> Run:
+    """Look, plan and check. A proposed measurement that the user accepts is planned again.
+
+    Args:
+        settings: of the run.
+        scene: before the look.
+        callbacks: progress and confirmation.
+        planner: by default the one that the settings name.
+        world: the simulated world, where the settings name no file of it.
+
+    Raises:
+        InputError: bad input, or the plan touches objects that the camera did not see.
+        Unavailable: provider or camera out of reach.
+        ExecutionAborted: the look was not confirmed.
+    """
+    scene, seen = look(settings, scene, callbacks, world)
+    callbacks.progress("planning")
+    made = plan(settings, scene, planner)
+    if made.plan.proposal and callbacks.may_measure(made):
+        made = plan(settings.having(measure=made.plan.proposal), scene)
+    return require_seen(made, seen)
 
 
 def carry_out(

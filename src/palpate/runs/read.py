@@ -6,32 +6,32 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from pydantic import TypeAdapter
 
 from palpate.common.belief import Belief, BeliefTouch
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Array, Pose
 from palpate.common.version import __version__
-from palpate.estimation.estimate import UNBOUNDED, Estimate, FurtherValue, Shared
-from palpate.execution.stop import HeldObject
+from palpate.estimation.estimate import UNBOUNDED, Estimate, FitTest, FurtherValue, Shared
 from palpate.mjcf.document import read_text
 from palpate.planning.check.finding import Finding
-from palpate.planning.model.conversation import Conversation, read_conversation
+from palpate.planning.model.conversation import read_conversation
 from palpate.planning.registry import load_proposal
 from palpate.robots.owner import load_description
 from palpate.runs.folder import read_json
+from palpate.runs.held_out import HeldOut
 from palpate.runs.reproduce import with_seen_poses
-from palpate.runs.result import fit_test, held_out_from
 from palpate.runs.run import Ending, Run
 from palpate.scene.detections import SceneObject
 from palpate.scene.load import load_scene, parse_scene, scene_from_text
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
-from palpate.trace.recording import Context, Recording
+from palpate.trace.recording import Recording
 from palpate.twin.twin import Twin, read_twin
 from palpate.twin.validate import ReplayResidual, Validation
 
@@ -42,6 +42,10 @@ if TYPE_CHECKING:
 
 NOTHING = "<mujoco><worldbody/></mujoco>"
 """Scene of a run without a scene file."""
+_ENDING, _HELD_OUT = TypeAdapter(Ending), TypeAdapter(HeldOut)
+_EVIDENCE, _TESTS = TypeAdapter(tuple[Recording, ...]), TypeAdapter(tuple[FitTest, ...])
+_PARTS, _SHARED = TypeAdapter(dict[str, FurtherValue]), TypeAdapter(tuple[Shared, ...])
+_TOUCHES = TypeAdapter(tuple[BeliefTouch, ...])
 
 
 def read_run(folder: Path, settings: Settings) -> Run:
@@ -78,107 +82,92 @@ def require_own_version(folder: Path) -> None:
         )
 
 
-class StoredScene(NamedTuple):
-    """Scene of a run, and the objects that a model detected, if the scene was built from them."""
-
-    scene: Scene
-    seen: DetectedScene | None = None
-
-
 def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     # Read plan and scene first: estimates and twin refer to them.
     proposal = load_proposal(folder / "plan.json")
-    found = _find_scene(folder, settings, proposal.scene)
+    scene, seen = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
     # A complete run without execution had nothing to measure.
-    plan = proposal.plan
-    if plan.tree is None and result["status"] == "complete" and not result["execution"]:
+    plan, done, said = proposal.plan, result["execution"], folder / "conversation.json"
+    if plan.tree is None and result["status"] == "complete" and done is None:
         plan = replace(plan, declared="nothing_missing")
     return Run(
         settings,
-        found.scene,
+        scene,
         plan,
         tuple(Finding.of(**finding) for finding in result["plan"]["findings"]),
-        conversation=_conversation(folder / "conversation.json"),
-        seen=found.seen,
+        conversation=read_conversation(said) if said.exists() else None,
+        seen=seen,
         rehearsal=_rehearsal(result["rehearsal"]),
         world=result["provenance"]["world"],
         simulated=result.get("simulated", settings.robot is None),
-        execution=_ending(result["execution"]),
+        execution=_ending(done),
         beliefs={row["object"]: belief_from(row) for row in result.get("poses", ())},
         estimates=estimates,
         truth=_truth(result["parameters"]),
         held_out=held_out_from(result.get("validation", {}).get("held_out")),
-        finished=_twin(folder / "twin.xml", found.scene, estimates, result["twin"]),
+        finished=_twin(folder / "twin.xml", scene, estimates, result["twin"]),
         folder=folder,
         stage=result.get("stage"),
         interrupted=result.get("interrupted"),
         shortfalls=tuple(result.get("shortfalls", ())),
-        total_seconds=_total_seconds(result["execution"]),
+        total_seconds=None if done is None else done.get("total_seconds"),
     )
 
 
-def _find_scene(folder: Path, settings: Settings, objects: tuple[SceneObject, ...]) -> StoredScene:
-    """Find the scene: in the folder, else in its own file; else return an empty one."""
+def _find_scene(
+    folder: Path, settings: Settings, objects: tuple[SceneObject, ...]
+) -> tuple[Scene, DetectedScene | None]:
+    """Find the scene, and the objects in a picture that it was built from.
+
+    It is in the folder, else in its own file, else empty.
+    """
     # Use the poses that the run used.
-    own, arm, poses = (
-        folder / "scene.xml",
-        load_description(settings.arm, settings.cautious),
-        Poses(),
-    )
+    own, poses = folder / "scene.xml", Poses()
+    arm, robots = load_description(settings.arm, settings.cautious), settings.robot_body
     if settings.poses is not None and settings.poses.exists():
         poses = read_poses(settings.poses)
     # A scene from a picture keeps the detected objects in the plan.
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
-        text = read_text(own)
-        return StoredScene(scene_from_text(text, like=seen.scene()), seen)
+        return scene_from_text(read_text(own), like=seen.scene()), seen
     if own.exists():
-        robots = settings.robot_body
-        return StoredScene(parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots))
-    if settings.scene is not None and settings.scene.exists():
-        found = load_scene(
-            settings.scene,
-            settings.poses,
-            arm,
-            root=settings.root,
-            robot_body=settings.robot_body,
-        )
-        return StoredScene(found)
-    return StoredScene(parse_scene(NOTHING, arm=arm))
-
-
-def _conversation(file: Path) -> Conversation | None:
-    if not file.exists():
-        return None
-    return read_conversation(file)
+        return parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots), None
+    file, root = settings.scene, settings.root
+    if file is not None and file.exists():
+        return load_scene(file, settings.poses, arm, root=root, robot_body=robots), None
+    return parse_scene(NOTHING, arm=arm), None
 
 
 def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
-    if document is None:
-        return None
     from palpate.execution.rehearsal import Rehearsal
 
-    return Rehearsal(**document)
+    return None if document is None else Rehearsal(**document)
 
 
 def _ending(document: dict[str, Any] | None) -> Ending | None:
     if document is None:
         return None
-    return Ending(
-        "complete" if document["stopped_by"] is None else "stopped",
-        document["stopped_by"],
-        document["actions"],
-        document["robot_seconds"],
-        document["wall_seconds"],
-        tuple(document["setbacks"]),
-        HeldObject(**held) if (held := document.get("held")) else None,
-    )
+    status = "complete" if document["stopped_by"] is None else "stopped"
+    return _ENDING.validate_python({**document, "status": status})
 
 
-def _total_seconds(document: dict[str, Any] | None) -> float | None:
-    """Wall time of the command; None in folders of earlier versions."""
-    return None if document is None else document.get("total_seconds")
+def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
+    """Read the output of `held_out_json`."""
+    if document is None:
+        return None
+    motions = [motion | {"tests": _tests(motion["tests"])} for motion in document["motions"]]
+    return _HELD_OUT.validate_python({**document, "motions": motions})
+
+
+def _tests(rows: Sequence[Mapping[str, Any]]) -> tuple[FitTest, ...]:
+    """Read tests of fit; null means a statistic that is not a number."""
+    found = [{**row, "statistic": _or(row["statistic"], math.nan)} for row in rows]
+    return _TESTS.validate_python(found)
+
+
+def _or(number: float | None, default: float) -> float:
+    return default if number is None else number
 
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:
@@ -191,7 +180,6 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
     stds = _numbers(row["std"])
     if (stds < 0.0).any():
         raise ValueError(f"std of {row['object']}.{row['quantity']} is negative: {row['std']}")
-    parts = {name: FurtherValue(**part) for name, part in row["components"].items()}
     return Estimate(
         Parameter(row["object"], row["quantity"]),
         row["unit"],
@@ -199,12 +187,12 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         stds,
         _numbers(row["ci95"]),
         row["method"],
-        tuple(_recording(document) for document in row.get("evidence", ())),
+        _EVIDENCE.validate_python(row.get("evidence", ())),
         row["verdict"],
-        parts=parts,
-        tests=tuple(fit_test(test) for test in row.get("tests", ())),
-        shared=tuple(_read_shared_error(one) for one in row.get("shared", ())),
-        freedom=_limitless(row.get("freedom")),
+        parts=_PARTS.validate_python(row["components"]),
+        tests=_tests(row.get("tests", ())),
+        shared=_SHARED.validate_python(row.get("shared", ())),
+        freedom=_or(row.get("freedom"), math.inf),
         unseen=tuple(row["unseen"]) if "unseen" in row else _unseen(row),
         reason=row.get("reason") or "",
         bounds=_bounds(row.get("bounds")),
@@ -214,19 +202,13 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 def belief_from(row: Mapping[str, Any]) -> Belief:
     """Read the output of `belief_json`."""
     sight, both, stood = row["sight"], row["both"], row["stood"]
-    # Rebuild the touches, then the belief before and after them.
-    touches: list[BeliefTouch] = []
-    for touch in row["touch"]:
-        numbers = (touch[name] for name in ("apart", "std", "believed_std"))
-        along, point = tuple(touch["along"]), tuple(touch["point"])
-        touches.append(BeliefTouch(touch["means"], along, point, *numbers))
     return Belief(
         Pose.of(sight["pos"], sight["quat"]),
         _numbers(sight["covariance"]),
         Pose.of(stood["pos"], stood["quat"]),
         Pose.of(both["pos"], both["quat"]),
         _numbers(both["covariance"]),
-        tuple(touches),
+        _TOUCHES.validate_python(row["touch"]),
     )
 
 
@@ -240,32 +222,12 @@ def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ..
     return found
 
 
-def _recording(document: Mapping[str, Any]) -> Recording:
-    return Recording(
-        document["buffer"],
-        document["start"],
-        document["end"],
-        Context(**document["context"]),
-        document["node"],
-        tuple(document["reading"]),
-    )
-
-
 def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:
     """Indices of the unseen components in folders of earlier versions: their verdict differs from
     that of the whole.
     """
     verdicts = enumerate(row.get("verdicts") or ())
     return tuple(place for place, verdict in verdicts if verdict != row["verdict"])
-
-
-def _read_shared_error(document: Mapping[str, Any]) -> Shared:
-    return Shared(document["cause"], document["of"], tuple(document["effect"]))
-
-
-def _limitless(number: float | None) -> float:
-    """Convert null to infinity."""
-    return math.inf if number is None else number
 
 
 def _bounds(document: Any) -> Any:

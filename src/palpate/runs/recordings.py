@@ -10,6 +10,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from palpate.common.display import to_json
 from palpate.common.errors import InputError
 from palpate.common.files import write_new
 from palpate.common.processes import single_threaded_blas
@@ -192,16 +193,12 @@ class ArmNoise:
 
     def record(self) -> dict[str, Any]:
         """Return all figures, and those of the noise models for comparison, as JSON."""
-        # JSON has no NaN: convert it to null.
         figures = {
-            name: {
-                part: [None if x != x else x for x in getattr(figure, part).tolist()]
-                for part in ("value", "low", "high")
-            }
+            name: {"value": figure.value, "low": figure.low, "high": figure.high}
             for name, figure in self.figures.items()
         }
-        head = {"log": self.source, "seconds": self.seconds, "notes": list(self.notes)}
-        return head | {"figures": figures, "models": self.models}
+        head = {"log": self.source, "seconds": self.seconds, "notes": self.notes}
+        return to_json(head | {"figures": figures, "models": self.models})
 
     def save(self, path: str | Path) -> Path:
         """Write a noise model with these figures, for `noise=FILE.yaml`.

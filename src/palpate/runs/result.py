@@ -2,93 +2,56 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from palpate.common.display import to_json
 from palpate.common.version import __version__
 from palpate.estimation.estimate import Estimate, FitTest, axes_of
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
-from palpate.runs.held_out import Curve, HeldOut, HeldOutMotion
+from palpate.runs.held_out import HeldOut
 from palpate.runs.reproduce import POSES
 
 if TYPE_CHECKING:
     from palpate.common.belief import Belief
     from palpate.common.pose import Array, Pose
+    from palpate.planning.check.finding import Finding
     from palpate.runs.run import Run
     from palpate.twin.twin import Twin
     from palpate.twin.validate import ReplayResidual, Validation
 
 
 def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
-    """Held-out motions as JSON: all together, and one by one."""
+    """Held-out motions as JSON: all together, and one by one.
+
+    The least probable motion counts for all of them, and any one that disagrees.
+    """
     if held is None:
         return None
-    together = _combine_motions(held.motions)
-    each = [_motion_json(motion) for motion in held.motions]
-    return {**together, "notes": list(held.notes), "motions": each}
-
-
-def _combine_motions(motions: Sequence[HeldOutMotion]) -> dict[str, Any]:
-    """Combine all motions into one entry: the least probable one counts, and any one that
-    disagrees.
-    """
-    # Collect descriptions, p-values and findings.
-    words: list[str] = []
-    findings: list[str] = []
-    probable: list[float] = []
-    for motion in motions:
-        words.append(motion.motion)
-        probable.append(motion.p)
-        if motion.disagreement:
-            findings.append(motion.disagreement)
-    # Join the misfits of all motions.
+    motions = held.motions
+    disagreements = [motion.disagreement for motion in motions if motion.disagreement]
     return {
-        "motion": "; ".join(words) or None,
+        "motion": "; ".join(motion.motion for motion in motions) or None,
         "chi2": sum(motion.chi2 for motion in motions),
         "dof": sum(motion.dof for motion in motions),
-        "p": min(probable, default=None),
-        "agrees": all(motion.agrees for motion in motions) if motions else None,
-        "disagreement": " ".join(findings) or None,
+        "p": min((motion.p for motion in motions), default=None),
+        "agrees": held.agrees if motions else None,
+        "disagreement": " ".join(disagreements) or None,
+        "notes": held.notes,
+        "motions": [
+            asdict(motion) | {"tests": _tests_json(motion.tests), "agrees": motion.agrees}
+            for motion in motions
+        ],
     }
 
 
-def _motion_json(motion: HeldOutMotion) -> dict[str, Any]:
-    content = asdict(motion)
-    content["tests"] = [asdict(test) | {"passed": test.passed} for test in motion.tests]
-    return content | {"agrees": motion.agrees}
-
-
-def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
-    """Read the output of `held_out_json`."""
-    if document is None:
-        return None
-    motions = tuple(_motion(motion) for motion in document["motions"])
-    return HeldOut(motions, tuple(document["notes"]))
-
-
-def fit_test(document: Mapping[str, Any]) -> FitTest:
-    """Read a test from `result.json`; null means a statistic that is not a number."""
-    statistic = math.nan if document["statistic"] is None else document["statistic"]
-    return FitTest(document["name"], statistic, document["limit"], document["finding"])
-
-
-def _motion(document: Mapping[str, Any]) -> HeldOutMotion:
-    parts = {name: part for name, part in document.items() if name != "agrees"}
-    parts["tests"] = tuple(fit_test(test) for test in document["tests"])
-    parts["curve"] = _curve(document["curve"])
-    return HeldOutMotion(**parts)
-
-
-def _curve(document: Mapping[str, Any]) -> Curve:
-    grids = ("measured", "std", "twin", "template")
-    rows = {name: tuple(tuple(row) for row in document[name]) for name in grids}
-    return Curve(tuple(document["signals"]), tuple(document["t"]), **rows)
+def _tests_json(tests: Sequence[FitTest]) -> list[dict[str, Any]]:
+    return [asdict(test) | {"passed": test.passed} for test in tests]
 
 
 # The document `result.json`: the contract with scripts.
@@ -106,7 +69,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "status": run.status,
         "stage": run.stage,
         "interrupted": run.interrupted,
-        "shortfalls": list(run.shortfalls),
+        "shortfalls": run.shortfalls,
         "simulated": run.simulated,
         "truth": _truth(run),
         "request": run.settings.request,
@@ -127,19 +90,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
             "world": run.world,
         },
     }
-    return finite(content)
-
-
-def finite(content: Any) -> Any:
-    """Replace NaN and infinities by null, because JSON has no such numbers."""
-    if isinstance(content, dict):
-        named = cast("dict[str, Any]", content)
-        return {name: finite(value) for name, value in named.items()}
-    if isinstance(content, list):
-        return [finite(value) for value in cast("list[Any]", content)]
-    if isinstance(content, float) and not math.isfinite(content):
-        return None
-    return content
+    return to_json(content)
 
 
 def _truth(run: Run) -> str | None:
@@ -152,16 +103,18 @@ def _truth(run: Run) -> str | None:
 
 
 def _plan_json(run: Run) -> dict[str, Any]:
-    findings: list[dict[str, str]] = []
-    for finding in run.findings:
-        findings.append({"path": finding.path, "rule": finding.rule, "message": finding.message})
     return {
         "planner": run.plan.planner,
         "actions": run.plan.actions,
         "explanation": run.plan.explanation,
-        "notes": list(run.plan.notes),
-        "findings": findings,
+        "notes": run.plan.notes,
+        "findings": [finding_json(finding) for finding in run.findings],
     }
+
+
+def finding_json(finding: Finding) -> dict[str, str]:
+    """Finding of the check as JSON."""
+    return {"path": finding.path, "rule": finding.rule, "message": finding.message}
 
 
 def plan_text(run: Run) -> str:
@@ -178,39 +131,41 @@ def plan_text(run: Run) -> str:
 def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
     precision = run.settings.within.precision(estimate)
     within = asdict(precision) | {"outcome": precision.outcome} if precision else None
-    true = list(run.truth.get(estimate.parameter, ()))
-    return parameter_json(estimate) | {"within": within, "true_value": _shape_value(true)}
+    true = run.truth.get(estimate.parameter, ())
+    return parameter_json(estimate) | {"within": within, "true_value": shape_value(true)}
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
     """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown
     values."""
     # Verdicts by axis, for quantities of several components.
+    several = len(estimate.values) > 1
     axes = dict(zip(axes_of(len(estimate.values)), estimate.verdicts, strict=True))
-    return {
+    row = {
         "object": estimate.parameter.object,
         "quantity": estimate.parameter.quantity,
-        "value": _shape_value(estimate.values.tolist()),
+        "value": shape_value(estimate.values),
         "unit": estimate.unit,
-        "std": _shape_value(estimate.stds.tolist()),
-        "ci95": _shape_value(estimate.intervals.tolist()),
+        "std": shape_value(estimate.stds),
+        "ci95": shape_value(estimate.intervals),
         "method": estimate.method,
         "verdict": estimate.verdict,
-        "verdicts": list(estimate.verdicts) if len(estimate.verdicts) > 1 else None,
-        "unseen": list(estimate.unseen),
+        "verdicts": estimate.verdicts if several else None,
+        "unseen": estimate.unseen,
         "whole": estimate.whole,
         "reason": estimate.reason or None,
-        "bounds": finite(np.array(estimate.bounds).tolist()),
+        "bounds": np.array(estimate.bounds, dtype=np.float64),
         "at_most": _limit(estimate, 1),
         "at_least": _limit(estimate, -1),
-        "axes": axes if len(axes) > 1 else None,
+        "axes": axes if several else None,
         "contradiction": estimate.contradiction or None,
-        "tests": [asdict(test) | {"passed": test.passed} for test in estimate.tests],
-        "components": {name: asdict(part) for name, part in estimate.parts.items()},
-        "shared": [asdict(one) | {"effect": list(one.effect)} for one in estimate.shared],
-        "freedom": estimate.freedom if math.isfinite(estimate.freedom) else None,
-        "evidence": [asdict(recording) for recording in estimate.evidence],
+        "tests": _tests_json(estimate.tests),
+        "components": estimate.parts,
+        "shared": estimate.shared,
+        "freedom": estimate.freedom,
+        "evidence": estimate.evidence,
     }
+    return to_json(row)
 
 
 def _limit(estimate: Estimate, sign: int) -> Any:
@@ -220,41 +175,34 @@ def _limit(estimate: Estimate, sign: int) -> Any:
     # Only components at a bound on that side have a limit.
     pairs = zip(estimate.at_bound, estimate.limits, strict=True)
     limits = [limit if bound and bound.sign == sign else None for bound, limit in pairs]
-    return _shape_value(limits) if any(limit is not None for limit in limits) else None
+    return shape_value(limits) if any(limit is not None for limit in limits) else None
 
 
 def belief_json(name: str, belief: Belief) -> dict[str, Any]:
     """Pose of an object by sight, by touch and by both."""
-    # Each touch with its derived figures.
-    touches: list[dict[str, Any]] = []
-    for touch in belief.touches:
-        touches.append(asdict(touch) | {"z": touch.z, "contradicts": touch.contradicts})
-    return {
+    content = {
         "object": name,
-        "sight": _pose_json(belief.seen, belief.seen_covariance),
-        "touch": touches,
-        "both": _pose_json(belief.pose, belief.covariance),
-        "stood": {
-            "pos": belief.placed.position.tolist(),
-            "quat": belief.placed.quaternion.tolist(),
-        },
+        "sight": _pose_json(belief.seen) | {"covariance": belief.seen_covariance},
+        "touch": [
+            asdict(touch) | {"z": touch.z, "contradicts": touch.contradicts}
+            for touch in belief.touches
+        ],
+        "both": _pose_json(belief.pose) | {"covariance": belief.covariance},
+        "stood": _pose_json(belief.placed),
         "contradiction": belief.contradiction or None,
     }
+    return to_json(content)
 
 
-def _pose_json(pose: Pose, covariance: Array) -> dict[str, Any]:
-    return {
-        "pos": pose.position.tolist(),
-        "quat": pose.quaternion.tolist(),
-        "covariance": covariance.tolist(),
-    }
+def _pose_json(pose: Pose) -> dict[str, Any]:
+    return {"pos": pose.position, "quat": pose.quaternion}
 
 
-def _shape_value(numbers: list[Any]) -> Any:
-    """Convert a list of one to a scalar and an empty one to null."""
-    if len(numbers) == 1:
-        return numbers[0]
-    return numbers or None
+def shape_value(numbers: Sequence[Any] | Array | None) -> Any:
+    """Convert a list of one to a scalar, and an empty or absent one to null."""
+    if numbers is None or not len(numbers):
+        return None
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def has_scene_of_its_own(run: Run) -> bool:
@@ -273,15 +221,15 @@ def _execution_json(run: Run) -> dict[str, Any] | None:
         "wall_seconds": round(done.wall_seconds, 3),
         "total_seconds": None if run.total_seconds is None else round(run.total_seconds, 3),
         "stopped_by": done.stopped_by,
-        "setbacks": list(done.setbacks),
-        "held": None if done.held is None else asdict(done.held),
+        "setbacks": done.setbacks,
+        "held": done.held,
     }
 
 
 def twin_json(twin: Twin) -> dict[str, Any]:
     """Twin as JSON: notes, unwritten values, validation."""
     return {
-        "notes": list(twin.notes),
+        "notes": twin.notes,
         "unwritten": [str(parameter) for parameter in twin.unwritten],
         "validation": _validation_json(twin.validation),
     }

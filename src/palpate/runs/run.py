@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields, replace
 from functools import cached_property
 from pathlib import Path
 from textwrap import shorten
@@ -68,15 +68,7 @@ class Ending:
     @classmethod
     def of(cls, done: Execution) -> Ending:
         """The figures of an execution."""
-        return cls(
-            done.status,
-            done.stopped_by,
-            done.actions,
-            done.robot_seconds,
-            done.wall_seconds,
-            done.setbacks,
-            done.held,
-        )
+        return cls(**{one.name: getattr(done, one.name) for one in fields(cls)})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -144,6 +136,12 @@ class Run(Estimates):
     shortfalls: tuple[str, ...] = ()
     begun: float | None = None
     total_seconds: float | None = None
+
+    def __post_init__(self) -> None:
+        # Label the estimates of a simulation.
+        if any(one.simulated != self.simulated for one in self.estimates):
+            labelled = (replace(one, simulated=self.simulated) for one in self.estimates)
+            object.__setattr__(self, "estimates", tuple(labelled))
 
     @property
     def ready(self) -> bool:

@@ -3,25 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from functools import wraps
 from inspect import signature
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
-from palpate.common.display import table, text_table
+from palpate.common.display import table
 from palpate.common.errors import perhaps
 from palpate.common.processes import single_threaded_blas
-from palpate.estimation.estimate import COLUMNS, Estimate
+from palpate.estimation.estimate import COLUMNS
 from palpate.planning.planner import Planner
 from palpate.runs import pipeline
 from palpate.runs.answer import answer
 from palpate.runs.callbacks import Progress, RunCallbacks, quiet
 from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.estimating import reestimate
-from palpate.runs.fuse import Fusion as InnerFusion
-from palpate.runs.fuse import fuse_runs, write_fusion
+from palpate.runs.fuse import Fusion, fuse_runs
 from palpate.runs.run import Run as InnerRun
+from palpate.runs.saving import reopen, save, save_proof
 
 if TYPE_CHECKING:
     from palpate.runs.proof import Proof
@@ -97,7 +97,7 @@ class Run(InnerRun):
         Raises:
             InputError: the folder exists or cannot be made.
         """
-        return run_of(pipeline.save(self, Path(folder)))
+        return run_of(save(self, Path(folder)))
 
     @known_keywords
     def estimate(self, estimators: Mapping[str, str] | None = None) -> Run:
@@ -152,7 +152,7 @@ class Run(InnerRun):
         # A saved run keeps its proof and shows it in the report.
         proof = prove_run(self)
         if self.folder is not None:
-            pipeline.save_proof(self, self.folder, proof)
+            save_proof(self, self.folder, proof)
         return proof
 
     @property
@@ -162,28 +162,6 @@ class Run(InnerRun):
 
     def _repr_html_(self) -> str:
         return table(repr(self), COLUMNS, [estimate.cells() for estimate in self.estimates])
-
-
-@dataclass(frozen=True, eq=False, repr=False)
-class Fusion(InnerFusion):
-    """Fusion of several runs: `fusion["mug.mass"]`, `fusion.twin`. See `palpate.runs.fuse.Fusion`."""
-
-    def save(self, folder: str | Path) -> Fusion:
-        """Write result and twin into a new folder.
-
-        Raises:
-            InputError: the folder exists or cannot be made.
-        """
-        write_fusion(self, Path(folder))
-        return replace(self, folder=Path(folder))
-
-    def __str__(self) -> str:
-        """The estimates as a table of text."""
-        return text_table(COLUMNS, [estimate.cells() for estimate in self.estimates])
-
-    def _repr_html_(self) -> str:
-        rows = [estimate.cells() for estimate in self.estimates]
-        return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
 
 
 @known_keywords
@@ -196,7 +174,7 @@ def open(folder: str | Path) -> Run:
     Raises:
         InputError: there is no such folder, or it is not a run's.
     """
-    return run_of(pipeline.reopen(Path(folder)))
+    return run_of(reopen(Path(folder)))
 
 
 @known_keywords
@@ -216,11 +194,7 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
     """
     opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
     with single_threaded_blas():
-        fused = fuse_runs(opened)
-    # Label the estimates as simulated before the public object is made.
-    contents = contents_of(fused, InnerFusion)
-    contents["estimates"] = _label_simulation(fused.estimates, fused.runs[0].simulated)
-    return Fusion(**contents)
+        return fuse_runs(opened)
 
 
 @known_keywords
@@ -248,27 +222,5 @@ def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -
 
 
 def run_of(made: InnerRun) -> Run:
-    """Make the public object of a run. Estimates of a simulation are labelled as simulated."""
-    contents = contents_of(made, InnerRun)
-    contents["estimates"] = _label_simulation(made.estimates, made.simulated)
-    return Run(**contents)
-
-
-def _label_simulation(estimates: Sequence[Estimate], simulated: bool) -> tuple[Estimate, ...]:
-    """Label the estimates of a simulation."""
-    if not simulated:
-        return tuple(estimates)
-    return tuple(_Simulated(**contents_of(each, Estimate)) for each in estimates)
-
-
-class _Simulated(Estimate):
-    """An estimate of a simulated run, labelled so in all texts."""
-
-    __slots__ = ()
-
-    def __repr__(self) -> str:
-        return f"{Estimate.__repr__(self)[:-1]}, simulated>"
-
-    def cells(self) -> tuple[str, str, str, str]:
-        name, number, bounds, verdict = Estimate.cells(self)
-        return name, number, bounds, f"{verdict}, simulated"
+    """Make the public object of a run."""
+    return Run(**contents_of(made, InnerRun))
