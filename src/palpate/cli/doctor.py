@@ -6,18 +6,15 @@ import os
 import platform
 from collections.abc import Callable, Iterable, Iterator
 from importlib.metadata import PackageNotFoundError, version
-from typing import TYPE_CHECKING, NamedTuple
+from typing import NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from palpate.cli.console import out
 from palpate.common.version import __version__
-
-if TYPE_CHECKING:
-    from palpate.planning.model.settings import ModelSettings
-    from palpate.runs.settings import Settings
-
+from palpate.planning.model.settings import ModelSettings
+from palpate.runs.settings import Settings
 
 CORE = (
     "mujoco",

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Generator, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Collection, Iterator, Sequence
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
 from itertools import pairwise
@@ -16,7 +16,6 @@ from palpate.common.processes import Beside, interrupts, shared_out
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.size import size_on_the_way
 from palpate.execution.cell import Cell
-from palpate.mjcf.body import Body
 from palpate.planning.plan import Plan, part_of
 from palpate.primitives.state import SymbolicState
 from palpate.runs.callbacks import SILENT, RunCallbacks
@@ -144,7 +143,7 @@ def _parts(
         return
     opens = next((leaf.node for leaf in leaves if leaf.primitive == OPENS), "")
     # Parts may begin at rests only if no touch corrects a pose.
-    certain = all(map(_is_certain, scene.bodies.values()))
+    certain = all(body.covariance is None for body in scene.bodies.values())
     places = list(rests(leaves)) if certain else []
     # Walk through the recordings; each part collects those that no rest separates.
     first, ends, q = 0, 0.0, None
@@ -185,11 +184,6 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
         empty = [leaf for leaf in later if leaf.end <= recording.start] or later[:1]
     used = [recording, *empty]
     return min(one.start for one in used), max(one.end for one in used)
-
-
-def _is_certain(body: Body) -> bool:
-    """True if no touch corrects the believed pose of the body."""
-    return body.covariance is None
 
 
 def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[Estimate]) -> Scene:
@@ -255,16 +249,15 @@ def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
     return [size for size in found if size is not None]
 
 
-@contextmanager
-def touched_beside(made: Run, cell: Cell) -> Generator[Beside[Given] | None]:
-    """Execute the plan in the scene as given, in parallel with the execution on the robot. Yield
-    None if the twin will not be validated, or if a real robot needs the processor."""
+def touched_beside(made: Run, cell: Cell) -> AbstractContextManager[Beside[Given] | None]:
+    """Execute the plan in the scene as given, in parallel with the execution on the robot.
+
+    None if the twin will not be validated, or if a real robot needs the processor.
+    """
     if made.settings.fast or made.seen or not cell.simulated:
-        yield None
-        return
+        return nullcontext()
     # This execution depends on no estimate, so it need not wait for them.
-    with Beside(lambda: touched_as_given(made.plan, made.scene)) as given:
-        yield given
+    return Beside(lambda: touched_as_given(made.plan, made.scene))
 
 
 def touch_twin(
@@ -288,8 +281,12 @@ def touch_twin(
     trace = made.trace_if_any
     if trace is None:
         return made
+    # Cut the trace before the first leaf outside the plan: a repetition, or a recovery.
+    tree = made.plan.tree
+    nodes = {path for path, _ in tree.walk()} if tree is not None else set[str]()
+    others = [leaf.start for leaf in trace.leaves if leaf.node not in nodes]
+    trace = trace.until(min(others)) if others else trace
     # Execute the plan's part of the trace again.
-    trace = _of_plan(trace, made.plan)
     again = replay_of(made.plan, planned_in, trace, made.estimates)
     if again is None:
         return made
@@ -297,12 +294,3 @@ def touch_twin(
     whole = made.execution is not None and made.execution.status == "complete"
     beside = (lambda: given.result().felt) if given is not None and whole else None
     return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
-
-
-def _of_plan(trace: Trace, plan: Plan) -> Trace:
-    """Cut the trace before the first leaf that does not belong to the plan: a repetition, or a
-    recovery from a failure.
-    """
-    nodes = {path for path, _ in plan.tree.walk()} if plan.tree is not None else set[str]()
-    others = [leaf.start for leaf in trace.leaves if leaf.node not in nodes]
-    return trace.until(min(others)) if others else trace

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import os
 import pickle
-from collections.abc import Collection, Generator, Iterator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Collection, Iterator, Mapping
+from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
@@ -106,15 +106,21 @@ class Judged:
     motion: HeldOutMotion | str | None
 
 
-def judge_object(made: Run, name: str) -> Judged:
-    """Estimate and judge an object by the run's trace."""
-    trace = made.trace
-    scene, evidence = _as_felt(made, trace), trace_around(sound(trace), name)
-    wanted = [one for one in made.plan.parameters if one.object == name]
-    found = tuple(_estimate_parameter(made, scene, one) for one in wanted)
-    lifted = any(held_still(evidence, name))
-    motion = judge(scene, evidence, found, name, None) if lifted else None
-    return Judged(_key(scene, evidence, name), found, motion)
+def judge_object(made: Run, name: str) -> Judged | None:
+    """Estimate and judge an object by the run's trace.
+
+    None on failure, so that the error occurs and is reported at the end.
+    """
+    try:
+        trace = made.trace
+        scene, evidence = _as_felt(made, trace), trace_around(sound(trace), name)
+        wanted = [one for one in made.plan.parameters if one.object == name]
+        found = tuple(_estimate_parameter(made, scene, one) for one in wanted)
+        lifted = any(held_still(evidence, name))
+        motion = judge(scene, evidence, found, name, None) if lifted else None
+        return Judged(_key(scene, evidence, name), found, motion)
+    except Exception:
+        return None
 
 
 def _select_still_valid(
@@ -305,11 +311,11 @@ class Ahead:
         # Start a copy for the first object whose recordings are complete.
         for name in self._due:
             reached = reach(recorder, name)
-            if reached is not None and reached[1] < now and self._is_idle():
+            if reached is not None and reached[1] < now and self._has_free_processor():
                 self._due.remove(name)
                 sofar = replace(self._made, recorded=recorder.snapshot())
                 with suppress(OSError):  # no process to be had
-                    self._copies[name] = Beside(partial(_try_object, sofar, name))
+                    self._copies[name] = Beside(partial(judge_object, sofar, name))
                 return
 
     def results(self) -> Mapping[str, Judged]:
@@ -317,7 +323,7 @@ class Ahead:
         found = {name: copy.result() for name, copy in self._copies.items()}
         return {name: one for name, one in found.items() if one is not None}
 
-    def _is_idle(self) -> bool:
+    def _has_free_processor(self) -> bool:
         """True if a processor is free in addition to those of the execution and of the copies."""
         working = sum(copy.running for copy in (*self._copies.values(), self._beside) if copy)
         return can_copy() and working < len(os.sched_getaffinity(0)) - 1
@@ -328,29 +334,11 @@ class Ahead:
             copy.close()
 
 
-@contextmanager
-def ahead_of(made: Run, cell: Cell, beside: Beside[Given] | None) -> Generator[Ahead | None]:
-    """Yield the estimates made while a simulated arm moves; None with a real one, which needs the
-    processor.
+def ahead_of(
+    made: Run, cell: Cell, beside: Beside[Given] | None
+) -> AbstractContextManager[Ahead | None]:
+    """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 
-    Args:
-        made: the run.
-        cell: workplace of the robot.
-        beside: a copy that already runs.
+    `beside` is a copy that already runs.
     """
-    if not cell.simulated:
-        yield None
-        return
-    ahead = Ahead(made, beside)
-    try:
-        yield ahead
-    finally:
-        ahead.close()
-
-
-def _try_object(made: Run, name: str) -> Judged | None:
-    """Estimate an object; None on failure, so that the error occurs and is reported at the end."""
-    try:
-        return judge_object(made, name)
-    except Exception:
-        return None
+    return closing(Ahead(made, beside)) if cell.simulated else nullcontext()

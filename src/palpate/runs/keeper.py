@@ -10,19 +10,15 @@ import time
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.common.errors import InputError, PalpateError
 from palpate.common.processes import Interrupts
 from palpate.runs.folder import growing_folder, write_json, write_plan, write_trace, write_twin
 from palpate.runs.result import result_json
 from palpate.runs.run import TRACE, Run, Stage
-from palpate.trace.mcap import TraceStream
-
-if TYPE_CHECKING:
-    from palpate.trace.mcap import GrowingRecorder
-    from palpate.trace.samples import Samples
-
+from palpate.trace.mcap import GrowingRecorder, TraceStream
+from palpate.trace.samples import Samples
 
 Step = Callable[[Run], Iterator[Run]]
 """Stage of a run: yields the grown run once or several times."""

@@ -27,9 +27,9 @@ from palpate.runs.keeper import GROWING, Keeper, Step
 from palpate.runs.planning import confirm, load, plan, preflight, rehearse
 from palpate.runs.run import Run, Stage
 from palpate.runs.saving import (
-    darkroom_for,
     film_while_moving,
     folder_for,
+    render_in_background,
     save,
     taken_up,
     with_footage,
@@ -137,7 +137,7 @@ def carry_out(
             steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
             made = keeper.carry_out_execution(steps.execution, made)
             # Evaluate: estimates, twin and report.
-            with darkroom_for(made, reel) as darkroom:
+            with render_in_background(made, reel) as darkroom:
                 return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
 
 

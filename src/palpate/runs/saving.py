@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Generator
-from contextlib import contextmanager, suppress
+from contextlib import AbstractContextManager, nullcontext, suppress
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -37,16 +36,16 @@ def folder_for(settings: Settings) -> Path:
     return default_folder(title)
 
 
-@contextmanager
-def film_while_moving(made: Run, cell: Cell, given: Beside[Given] | None) -> Generator[Reel | None]:
-    """Render the film of the execution while the arm moves.
+def film_while_moving(
+    made: Run, cell: Cell, given: Beside[Given] | None
+) -> AbstractContextManager[Reel | None]:
+    """Render the film of the execution while the arm moves; None if there is no film.
 
-    Yield None if there is no film. The availability of OpenGL is tested meanwhile. Rendering begins
-    when the execution in the scene as `given` has determined the view.
+    The availability of OpenGL is tested meanwhile. Rendering begins when the execution in the scene
+    as `given` has determined the view.
     """
     if made.folder is None or not made.simulated or made.settings.fast:
-        yield None
-        return
+        return nullcontext()
     from palpate.perception.film import Reel
     from palpate.perception.renderer import look_ahead
 
@@ -54,31 +53,28 @@ def film_while_moving(made: Run, cell: Cell, given: Beside[Given] | None) -> Gen
     with suppress(OSError):
         look_ahead()
     if given is None:
-        yield None
-        return
+        return nullcontext()
 
     def plan_shot() -> Shot | None:
         touched = given.sent()
         return None if touched is None else touched.shot
 
-    with Reel(partial(footage_of, cell), plan_shot) as reel:
-        yield reel
+    return Reel(partial(footage_of, cell), plan_shot)
 
 
-@contextmanager
-def darkroom_for(made: Run, reel: Reel | None = None) -> Generator[Darkroom | None]:
+def render_in_background(
+    made: Run, reel: Reel | None = None
+) -> AbstractContextManager[Darkroom | None]:
     """Render the film of the execution, and later the pictures, in separate processes.
 
-    Yield None for a run that is not saved, was not filmed, or is `fast`. `reel` has rendered a part
-    of the film.
+    None for a run that is not saved, was not filmed, or is `fast`. `reel` has rendered a part of
+    the film.
     """
     if made.folder is None or made.footage is None or made.settings.fast:
-        yield None
-        return
+        return nullcontext()
     from palpate.runs.report.writing import Darkroom
 
-    with Darkroom(made, reel) as darkroom:
-        yield darkroom
+    return Darkroom(made, reel)
 
 
 def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 from palpate.common.errors import InputError, Unavailable
 from palpate.common.files import read_text, write_new, yaml_text
@@ -16,8 +16,10 @@ from palpate.estimation.quantities.catalogue import catalogue
 from palpate.execution.cell import GuidedHand, Lesson
 from palpate.execution.cell_drivers import drivers
 from palpate.planning.check.check import check
+from palpate.planning.check.finding import Finding
 from palpate.planning.model.prompt import Prompt, compose
 from palpate.planning.model.provider import PROVIDERS
+from palpate.planning.plan import Node
 from palpate.planning.planner import in_words, named_parameters
 from palpate.planning.registry import load_proposal, plan_file, planners
 from palpate.primitives.registry import COMPOSITES, vocabulary
@@ -30,11 +32,6 @@ from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
 from palpate.scene.scaffold import POSES, SCENE, Scaffold, new_scene, written
-
-if TYPE_CHECKING:
-    from palpate.planning.check.finding import Finding
-    from palpate.planning.plan import Node
-
 
 __all__ = [
     "check_file",

@@ -13,13 +13,13 @@ import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.errors import InputError, PalpateError
 from palpate.common.pose import Array, Pose
+from palpate.execution.runner import Snapshot
 from palpate.execution.simulated_cell import SimulatedCell
 from palpate.perception.cameras import Stream
 from palpate.perception.detection import TAGS, detect
@@ -39,6 +39,7 @@ from palpate.perception.rendered import SimulatedCamera
 from palpate.perception.tags import tags_of
 from palpate.planning.plan import Node, Plan
 from palpate.primitives.state import HOME_CONFIG
+from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.robot_config import JOINTS, CameraConfig
 from palpate.runs.calibration.gains import Known
@@ -47,11 +48,6 @@ from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.settings import WORLD_CAMERA
 from palpate.runs.workplace import cell_for
 from palpate.scene.scene import Scene
-
-if TYPE_CHECKING:
-    from palpate.execution.runner import Snapshot
-    from palpate.robots.description import RobotDescription
-
 
 PICTURES = 24
 """Count of poses. With 0.07 pixels of noise they determine the camera's position to 0.6 mm."""

@@ -7,15 +7,17 @@ nominal sizes. Its hidden world draws the true sizes within their limits.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import TYPE_CHECKING
 
 import numpy as np
 
 from palpate.common.errors import ExecutionAborted, InputError
+from palpate.execution.cell import Cell
+from palpate.execution.runner import Observer
 from palpate.execution.simulated_cell import SimulatedCell
 from palpate.planning.check.check import check
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Plan
+from palpate.robots.description import RobotDescription
 from palpate.robots.owner import apply_calibration
 from palpate.robots.robot_config import RobotConfig
 from palpate.runs import pipeline
@@ -28,12 +30,6 @@ from palpate.runs.workplace import cell_for
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.samples import STANDARD_GRAVITY, Trace
-
-if TYPE_CHECKING:
-    from palpate.execution.cell import Cell
-    from palpate.execution.runner import Observer
-    from palpate.robots.description import RobotDescription
-
 
 BLOCK = "block"
 """Name of the weight, a block of 40 x 40 x 80 mm for any mass."""

@@ -6,23 +6,18 @@ from collections.abc import Generator
 from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from palpate.common.processes import Beside
 from palpate.perception.dress import looks_in
-from palpate.perception.film import Film, film_of, film_speed
+from palpate.perception.film import Film, Reel, film_of, film_speed
 from palpate.perception.renderer import Painter, gl_available, png
 from palpate.perception.stage import render_before_after, render_moment, render_scene
 from palpate.runs.folder import replacing
 from palpate.runs.keeper import shortfall
 from palpate.runs.report.data import Pictures, report_data
 from palpate.runs.report.page import write_report
+from palpate.runs.run import Run
 from palpate.scene.camera import load_image
-
-if TYPE_CHECKING:
-    from palpate.perception.film import Reel
-    from palpate.runs.run import Run
-
 
 IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
 """Folder of a run's pictures, and their names in it."""
