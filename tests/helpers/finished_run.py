@@ -10,9 +10,14 @@ import pytest
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, FurtherValue
 from palpate.planning.plan import Node, Plan
-from palpate.runs.report.data import EstimateWithTruth, ParameterRow, ReportData
+from palpate.runs.report.data import ReportData
+from palpate.runs.run import Ending, Run
+from palpate.runs.settings import Settings
+from palpate.scene.load import parse_scene
 from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import FORCES, POSE, Samples, Trace
+from palpate.twin.twin import Twin
+from palpate.twin.validate import ReplayResidual, Validation
 
 MASS, HEIGHT = Parameter("bottle", "mass"), Parameter("table", "height")
 
@@ -161,43 +166,30 @@ TWIN = SCENE.replace("0.58 0 ?", "0.58 0 0.74703").replace(
 )
 
 
-def make_data() -> ReportData:
+def make_run() -> Run:
     trace = make_trace()
-    mass, height = make_estimates(trace)
     diff = difflib.unified_diff(
         SCENE.splitlines(True), TWIN.splitlines(True), "scene.xml", "twin.xml"
     )
-    return ReportData(
-        request="We want to build a simulation, but we don't know the mass of the bottle and the height of the table.",
-        status="complete",
-        plan=make_plan(),
+    request = "We want to build a simulation, but we don't know the mass of the bottle and the height of the table."
+    residual = ReplayResidual(0.02, None)
+    return Run(
+        Settings(request=request, seed=7, noise="lab"),
+        parse_scene(SCENE.replace('material="glass"', "")),
+        make_plan(),
         world="simulated world world.xml",
-        parameters=(
-            ParameterRow("table", "height", "missing", True),
-            ParameterRow("table", "friction", "known", False, (0.6,)),
-            ParameterRow("bottle", "mass", "missing", True),
-            ParameterRow("bottle", "friction", "known", True, (0.7,)),
-            ParameterRow("bottle", "com", "assumed", False),
-        ),
-        measured=(EstimateWithTruth(mass, (0.254,)), EstimateWithTruth(height, (0.765,))),
-        trace=trace,
-        robot_seconds=31.0,
+        execution=Ending("complete", None, 16, 31.0, 4.0),
+        recorded=trace,
+        estimates=make_estimates(trace),
+        truth={MASS: (0.254,), HEIGHT: (0.765,)},
+        finished=Twin(TWIN, "".join(diff), (), Validation(True, 0.0, residual, residual)),
         total_seconds=4.2,
-        twin_diff="".join(diff),
-        twin_checks={"Plan replayed in the twin": "off by 0.02 N", "Comes to rest": "yes"},
-        versions={"palpate": "0.1.0", "mujoco": "4.0.0"},
-        seed=7,
-        noise="lab",
-        files=(
-            "request.json",
-            "plan.json",
-            "tree.xml",
-            "trace.mcap",
-            "result.json",
-            "twin.xml",
-            "images/before.png",
-        ),
     )
+
+
+def make_data() -> ReportData:
+    files = ("request.json", "plan.json", "tree.xml", "trace.mcap", "result.json", "twin.xml")
+    return ReportData(make_run(), files=(*files, "images/before.png"))
 
 
 @pytest.fixture(scope="session")

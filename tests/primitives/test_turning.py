@@ -15,7 +15,6 @@ from palpate.robots.pace import rubbing
 from palpate.robots.trajectory import rotate_quaternion
 from palpate.runs import pipeline
 from palpate.runs.report.charts import charts
-from palpate.runs.report.data import EstimateWithTruth
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
@@ -256,4 +255,4 @@ def test_a_centre_of_mass_is_found_along_gravity(tmp_path):
     assert tilted.std is not None
     apart = np.abs(tilted.measured - tilted.predicted)
     assert (apart < 4.0 * tilted.std).all(), (apart, tilted.std)
-    assert len(charts(EstimateWithTruth(found))) == len(found.views)
+    assert len(charts(found)) == len(found.views)

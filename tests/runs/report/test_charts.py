@@ -20,7 +20,6 @@ from palpate.estimation.quantities.size import estimate_size
 from palpate.estimation.quantities.stiffness import estimate_stiffness
 from palpate.runs.report.cards import estimate_card
 from palpate.runs.report.charts import Chart, charts
-from palpate.runs.report.data import EstimateWithTruth
 from palpate.scene.load import parse_scene
 
 __all__ = ["bench", "noises"]
@@ -49,7 +48,7 @@ def slope_of(chart: Chart) -> float:
 
 def shown(found: Estimate, truth: tuple[float, ...] | None = None) -> tuple[Chart, ...]:
     assert found.has_value
-    drawn = charts(EstimateWithTruth(found, truth))
+    drawn = charts(found, truth)
     for chart in drawn:
         assert go.Figure(chart.figure)
         low, high = chart.figure["layout"]["yaxis"]["range"]
@@ -162,7 +161,7 @@ def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplo
         b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
     found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
     broken = replace(found.views[0], predicted=np.zeros(1))
-    assert len(charts(EstimateWithTruth(replace(found, views=(broken, found.views[1]))))) == 1
+    assert len(charts(replace(found, views=(broken, found.views[1])))) == 1
     assert "no chart of mat.stiffness: " in caplog.text
 
 
@@ -179,9 +178,9 @@ def test_chart_and_card_show_one_value_also_at_a_bound() -> None:
         slopes=unit_slopes(x),
     )
     light = Estimate.normal(Parameter("cup", "mass"), "kg", -0.002, 0.004, "", views=(view,))
-    measured = EstimateWithTruth(light.bounded((0.0, np.inf)), (0.003,))
-    (chart,) = charts(measured)
-    card = estimate_card(measured, None, "estimate-1")
+    light, truth = light.bounded((0.0, np.inf)), (0.003,)
+    (chart,) = charts(light, truth)
+    card = estimate_card(light, truth, None, "estimate-1")
     (interval,) = card.intervals
     assert (interval.value, interval.std) == ("-0.002", "0.004")
     assert (interval.limit, interval.verdict) == ("at most 0.0066", "prior-dominated")

@@ -9,6 +9,7 @@ import re
 from dataclasses import replace
 from html.parser import HTMLParser
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -18,15 +19,24 @@ from palpate.common.belief import Belief
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
 from palpate.estimation.estimate import Estimate, FitTest, FurtherValue, not_identified
+from palpate.execution.simulated_cell import DRAWN
 from palpate.execution.stop import HeldObject
+from palpate.perception.film import Film
 from palpate.perception.renderer import png
+from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
+from palpate.runs.read import NOTHING
 from palpate.runs.report.cards import parameter_groups
 from palpate.runs.report.changes import change
-from palpate.runs.report.data import EstimateWithTruth, ParameterRow, ReportData
+from palpate.runs.report.data import Pictures, ReportData
 from palpate.runs.report.page import write_report
-from palpate.runs.report.sections import NARROWEST, aftermath, branches, first_failure, pose_rows
+from palpate.runs.report.sections import NARROWEST, aftermath, branches, first_failure
+from palpate.runs.run import Ending, Run
+from palpate.runs.settings import Settings
+from palpate.scene.load import parse_scene
 from palpate.trace.recording import Context, LeafRun, Recording
+from palpate.twin.twin import Twin
+from palpate.twin.validate import ReplayResidual, Validation
 
 SQUARE = png(np.zeros((8, 8, 3), np.uint8))
 HOSTILE = '</script><script>alert(1)</script><img src="http://evil.example/x" onerror=alert(1)>'
@@ -85,22 +95,32 @@ def picture(changed: bool = False) -> bytes:
 
 
 def complete(data: ReportData) -> ReportData:
-    return replace(
-        data,
-        workspace=picture(),
-        before=picture(),
-        after=picture(changed=True),
-        video=b"\0\0\0\x18ftypmp42",
-        video_speed=2.5,
-        warnings=("a warning",),
-    )
+    film = Film(b"\0\0\0\x18ftypmp42", 2.5)
+    taken = Pictures(picture(), picture(), picture(changed=True), film=film)
+    return replace(data, pictures=taken, warnings=("a warning",))
+
+
+def grown(data: ReportData, **changes: Any) -> ReportData:
+    """The page of the run with some changes."""
+    return replace(data, run=replace(data.run, **changes))
+
+
+def measured(data: ReportData, *found: tuple[Estimate, tuple[float, ...] | None]) -> ReportData:
+    """The page of a run with these estimates and true values."""
+    truth = {one.parameter: value for one, value in found if value is not None}
+    return grown(data, estimates=tuple(one for one, _ in found), truth=truth)
+
+
+def stopped(data: ReportData, why: str, held: HeldObject | None = None, **more: Any) -> ReportData:
+    """The page of the run after an early stop."""
+    return grown(data, execution=Ending("stopped", why, 16, 31.0, 4.0, held=held), **more)
 
 
 def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
     page = page_of(complete(data), tmp_path)
     for words in (
         *SECTIONS,
-        data.request,
+        data.run.settings.request,
         "0.2541",
         "± 0.0008",
         "0.2525 … 0.2557 kg",
@@ -116,7 +136,7 @@ def test_all_sections_are_there(data: ReportData, tmp_path: Path) -> None:
         "? → 0.2541 kg",
         "mujoco",
         "MoveUntilContact(-z)",
-        data.plan.explanation,
+        data.run.plan.explanation,
     ):
         assert str(words) in page.text, words
     assert len(page.all("img")) == 4
@@ -160,9 +180,8 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
         (window,),
         parts={HOSTILE: FurtherValue(1.0, 0.1)},
     )
-    assert data.trace is not None
     leaf = LeafRun("tree.children[0]", HOSTILE, HOSTILE, 0.0, 1.0, "FAILURE", HOSTILE)
-    trace = replace(data.trace, leaves=(leaf,), recordings=(window,), conversions=())
+    trace = replace(data.run.trace, leaves=(leaf,), recordings=(window,), conversions=())
     plan = Plan(
         (parameter,),
         Node("Sequence", (), (Node(HOSTILE, (("pose", HOSTILE),), name=HOSTILE),), name=HOSTILE),
@@ -170,24 +189,22 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
         HOSTILE,
         (HOSTILE,),
     )
-    hostile = ReportData(
-        request=HOSTILE,
-        status="aborted",
+    diff = f"@@ {HOSTILE}\n-{HOSTILE}\n+{HOSTILE}!\n"
+    residual = ReplayResidual(None, None, HOSTILE)
+    run = replace(
+        data.run,
+        settings=Settings(request=HOSTILE),
         plan=plan,
+        findings=(Finding.of(HOSTILE, "syntax", HOSTILE),),
         world=HOSTILE,
-        parameters=(ParameterRow(HOSTILE, HOSTILE, "known", True),),
-        measured=(EstimateWithTruth(estimate, (1.1,)),),
-        findings=(HOSTILE,),
-        trace=trace,
-        stopped_by=HOSTILE,
-        twin_diff=f"@@ {HOSTILE}\n-{HOSTILE}\n+{HOSTILE}!\n",
-        twin_checks={HOSTILE: HOSTILE},
-        twin_notes=(HOSTILE,),
-        versions={HOSTILE: HOSTILE},
-        noise=HOSTILE,
-        files=("javascript:alert(1)", "../up", "good.xml", HOSTILE),
-        warnings=(HOSTILE,),
+        execution=Ending("stopped", HOSTILE, 1, 1.0, 1.0),
+        recorded=trace,
+        estimates=(estimate,),
+        truth={parameter: (1.1,)},
+        finished=Twin("", diff, (HOSTILE,), Validation(True, 0.0, residual, residual)),
     )
+    files = ("javascript:alert(1)", "../up", "good.xml", HOSTILE)
+    hostile = ReportData(run, files=files, command=HOSTILE, warnings=(HOSTILE,))
     page = page_of(hostile, tmp_path)
     assert len(page.all("script")) == 3
     assert page.all("img") == []
@@ -204,9 +221,18 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("status", ["rejected", "aborted", "failed", "complete"])
 def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
-    bare = ReportData(
-        request=None, status=status, plan=Plan((), None, "Heat cannot be felt."), world="nowhere"
-    )
+    wanted = Parameter("mug", "mass")
+    heat = Plan((), None, "Heat cannot be felt.")
+    done = Ending("complete", None, 0, 0.0, 0.0)
+    states: dict[str, dict[str, Any]] = {
+        "rejected": {"plan": heat},
+        "aborted": {"plan": heat, "interrupted": "interrupted"},
+        "failed": {"plan": replace(heat, parameters=(wanted,)), "execution": done},
+        "complete": {"plan": replace(heat, declared="nothing_missing")},
+    }
+    run = Run(Settings(), parse_scene(NOTHING), **states[status])
+    assert run.status == status
+    bare = ReportData(run)
     page = page_of(bare, tmp_path)
     assert "Heat cannot be felt." in page.text
     assert "All quantities that the scene does not state" in page.text
@@ -217,20 +243,14 @@ def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
 
 
 def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: Path) -> None:
-    assert data.trace is not None
-    done = data.trace.leaves[:3]
-    failed = replace(data.trace.leaves[3], status="FAILURE", message="unexpected contact of 21 N")
+    trace = data.run.trace
+    done = trace.leaves[:3]
+    failed = replace(trace.leaves[3], status="FAILURE", message="unexpected contact of 21 N")
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 9.0, "SUCCESS", "open to 80 mm")
-    trace = replace(data.trace, leaves=(*done, failed, stop), recordings=(), conversions=())
+    trace = replace(trace, leaves=(*done, failed, stop), recordings=(), conversions=())
     lost = not_identified(Parameter("table", "height"), "m", "The run ended before.")
     page = page_of(
-        replace(
-            data,
-            status="aborted",
-            stopped_by="MovePose: unexpected contact",
-            trace=trace,
-            measured=(EstimateWithTruth(lost),),
-        ),
+        stopped(data, "MovePose: unexpected contact", recorded=trace, estimates=(lost,)),
         tmp_path,
     )
     for words in (
@@ -272,8 +292,7 @@ def test_an_aborted_run_says_why_and_shows_the_stop(data: ReportData, tmp_path: 
 def test_the_headline_says_what_became_of_what_was_held(
     data: ReportData, held: HeldObject | None, headline: str, tmp_path: Path
 ) -> None:
-    stopped = replace(data, status="aborted", stopped_by="interrupted", held=held, trace=None)
-    page = page_of(stopped, tmp_path)
+    page = page_of(stopped(data, "interrupted", held, recorded=None), tmp_path)
     assert headline in page.text
     assert "Next steps" in page.text
     advice = {
@@ -288,13 +307,13 @@ def test_the_headline_says_what_became_of_what_was_held(
 
 def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:
     pulled = FitTest("along the lift", 30.0, 4.2, "Something pulls on <it>.")
-    mass, *others = data.measured
-    contradicted = replace(mass, estimate=replace(mass.estimate, tests=(pulled,)))
-    page = page_of(replace(data, status="failed", measured=(contradicted, *others)), tmp_path)
+    mass, *others = data.run.estimates
+    contradicted = replace(mass, tests=(pulled,))
+    page = page_of(grown(data, estimates=(contradicted, *others)), tmp_path)
     assert "contradicted" in page.text
     assert "Something pulls on <it>." in page.text
-    assert f"{len(others)} of {len(data.measured)} unknowns measured." in page.text
-    page = page_of(replace(data, status="failed", measured=(mass,)), tmp_path)
+    assert f"{len(others)} of {1 + len(others)} unknowns measured." in page.text
+    page = page_of(grown(data, estimates=(mass,)), tmp_path)
     assert "1 of 2 unknowns measured." in page.text, "the plan is for two"
 
 
@@ -304,8 +323,9 @@ def test_where_things_stand_is_told_by_sight_touch_and_both(
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), 1e-5 * np.eye(6))
     felt = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
     off = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
-    rows = tuple(pose_rows({"<cup>": seen, "box": felt, "tin": off}))
-    page = page_of(replace(data, status="failed", poses=rows, seen=SQUARE), tmp_path)
+    beliefs = {"<cup>": seen, "box": felt, "tin": off}
+    pictured = replace(grown(data, beliefs=beliefs), pictures=Pictures(seen=SQUARE))
+    page = page_of(pictured, tmp_path)
     assert [one for one in page.all("img") if "camera saw" in one["alt"]]
     assert "x 500.0 ± 3.2, y 100.0 ± 3.2" in page.text
     assert "probe: +2.0 ± 1.0 mm along +x" in page.text
@@ -316,9 +336,7 @@ def test_where_things_stand_is_told_by_sight_touch_and_both(
 
 
 def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
-    page = page_of(
-        replace(data, measured=tuple(replace(m, truth=None) for m in data.measured)), tmp_path
-    )
+    page = page_of(grown(data, truth={}), tmp_path)
     assert "hidden truth" not in page.text
     assert "0.76503" in page.text
 
@@ -329,7 +347,7 @@ def test_a_real_robot_has_no_truth(data: ReportData, tmp_path: Path) -> None:
 def test_a_truth_off_the_scale_stays_on_the_bar(
     data: ReportData, truth: float, at: str, error: str, tmp_path: Path
 ) -> None:
-    page = page_of(replace(data, measured=(replace(data.measured[0], truth=(truth,)),)), tmp_path)
+    page = page_of(measured(data, (data.run.estimates[0], (truth,))), tmp_path)
     (marker,) = page.all("u")
     assert marker["style"] == f"left:{at}"
     assert "outside the interval" in page.text
@@ -358,18 +376,15 @@ def test_vectors_have_a_bar_for_each_component(data: ReportData, tmp_path: Path)
         "Torques.",
         (),
     )
-    page = page_of(
-        replace(data, measured=(EstimateWithTruth(com, (0.011, -0.002, 0.2)),)), tmp_path
-    )
+    page = page_of(measured(data, (com, (0.011, -0.002, 0.2))), tmp_path)
     assert len(page.all("u")) == 3
     assert [text for text in page.texts if text in ("x", "y", "z")] == ["x", "y", "z"]
 
 
 def test_large_pictures_are_scaled_and_bad_ones_left_out(data: ReportData, tmp_path: Path) -> None:
     noise = np.random.default_rng(0).integers(0, 255, (1200, 1900, 3), dtype=np.uint8)
-    page = page_of(
-        replace(data, workspace=png(noise), before=b"not a picture", after=b"<svg/>"), tmp_path
-    )
+    pictures = Pictures(png(noise), b"not a picture", b"<svg/>")
+    page = page_of(replace(data, pictures=pictures), tmp_path)
     assert [image["src"][:22] for image in page.all("img")] == ["data:image/jpeg;base64"]
     with Image.open(
         io.BytesIO(base64.b64decode(page.all("img")[0]["src"].partition(",")[2]))
@@ -384,25 +399,23 @@ def test_the_same_run_gives_the_same_page(data: ReportData, tmp_path: Path) -> N
 
 
 def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) -> None:
-    alike = replace(data, before=picture(), after=picture())
-    page = page_of(alike, tmp_path)
+    page = page_of(replace(data, pictures=Pictures(None, picture(), picture())), tmp_path)
     assert "No visible change" in page.text
     assert len(page.all("img")) == 1
-    apart = page_of(replace(alike, after=picture(changed=True)), tmp_path)
+    changed = Pictures(None, picture(), picture(changed=True))
+    apart = page_of(replace(data, pictures=changed), tmp_path)
     assert "No visible change" not in apart.text
     assert "(6.2 % of the picture)" in apart.text
 
 
 def test_many_estimates_stand_sorted_above_their_cards(data: ReportData, tmp_path: Path) -> None:
-    several: list[EstimateWithTruth] = []
+    several: list[tuple[Estimate, tuple[float, ...] | None]] = []
     for i, value in enumerate((0.2, 0.5, 0.1, 0.4)):
         found = Estimate.normal(Parameter(f"can{i}", "mass"), "kg", value, 0.001, "Weighed.")
-        several.append(EstimateWithTruth(found, (value + 0.001,)))
-    assert "on one scale" not in page_of(replace(data, measured=tuple(several)), tmp_path).text
-    lost = EstimateWithTruth(
-        not_identified(Parameter("lost", "mass"), "kg", "It was never lifted.")
-    )
-    page = page_of(replace(data, measured=(*several, lost)), tmp_path)
+        several.append((found, (value + 0.001,)))
+    assert "on one scale" not in page_of(measured(data, *several), tmp_path).text
+    lost = not_identified(Parameter("lost", "mass"), "kg", "It was never lifted.")
+    page = page_of(measured(data, *several, (lost, None)), tmp_path)
     assert "on one scale" in page.text
     first = [text for text in page.texts if re.fullmatch(r"can\d|lost", text)][:5]
     assert first == ["can1", "can3", "can0", "can2", "lost"]
@@ -411,18 +424,19 @@ def test_many_estimates_stand_sorted_above_their_cards(data: ReportData, tmp_pat
 
 def test_a_simulated_run_says_so_and_how_to_do_it_again(data: ReportData, tmp_path: Path) -> None:
     command = "palpate demo bottle_and_table --noise lab --seed 0"
-    page = page_of(replace(data, simulated=True, command=command), tmp_path)
+    page = page_of(replace(data, command=command), tmp_path)
     assert command in page.text
     assert "Simulated" in page.texts
-    made_up = page_of(replace(data, simulated=True, drawn=True), tmp_path)
+    made_up = page_of(grown(data, world=DRAWN), tmp_path)
     assert "Simulated, and made up" in made_up.texts
-    assert "Simulated" not in page_of(replace(data, request="a\u202eb"), tmp_path).texts
+    real = grown(data, simulated=False, settings=Settings(request="a\u202eb"))
+    assert "Simulated" not in page_of(real, tmp_path).texts
     assert "\u202e" not in (tmp_path / "report.html").read_text("utf-8"), "turns the way of writing"
 
 
 def test_no_key_stands_on_the_page(data: ReportData, tmp_path: Path) -> None:
     key = "sk-0123456789abcdef"
-    page = source_of(replace(data, stopped_by=f"401: {key}", status="aborted"), tmp_path)
+    page = source_of(stopped(data, f"401: {key}"), tmp_path)
     assert (key in page, "401: [key]" in page) == (False, True)
 
 
@@ -434,11 +448,12 @@ def source_of(data: ReportData, folder: Path) -> str:
 def test_page_of_many_objects_folds_rows_and_motions_and_begins_with_the_contents(
     data: ReportData, tmp_path: Path
 ) -> None:
-    many = tuple(ParameterRow(f"thing {i}", "mass", "missing", False) for i in range(6))
+    things = (f"<geom name='thing {i}' size='.1 .1 .1' type='box'/>" for i in range(6))
+    many = parse_scene(f"<mujoco><worldbody>{''.join(things)}</worldbody></mujoco>")
     few = source_of(data, tmp_path)
     assert 'retraced" open>' in few
     assert few.index('class="estimates"') < few.index('aria-label="Contents"')
-    more = source_of(replace(data, parameters=many, measured=data.measured * 3), tmp_path)
+    more = source_of(grown(data, scene=many, estimates=data.run.estimates * 3), tmp_path)
     assert "6 objects and surfaces, 6 quantities" in more
     assert 'retraced" open>' not in more
     assert more.index('aria-label="Contents"') < more.index('class="estimates"')
@@ -447,7 +462,8 @@ def test_page_of_many_objects_folds_rows_and_motions_and_begins_with_the_content
 def test_a_twin_without_a_measured_value_is_the_scene_as_it_was_given(
     data: ReportData, tmp_path: Path
 ) -> None:
-    page = page_of(replace(complete(data), twin_diff="", after=picture()), tmp_path)
+    same = replace(complete(data), pictures=Pictures(None, picture(), picture()))
+    page = page_of(grown(same, finished=replace(data.run.twin, diff="")), tmp_path)
     assert "Nothing was measured: the twin is that scene." in page.text
     assert "The user's MJCF, unchanged." in page.text
 
@@ -469,11 +485,10 @@ def test_the_fate_of_a_composite_is_that_of_the_child_that_decides(
     data: ReportData, statuses: tuple[str, ...], fate: str, culprit: str | None
 ) -> None:
     """Of two leaves beside each other the failed one stops the other, whichever comes first."""
-    assert data.trace is not None
     sensing = Node("MeasureForces")
     plan = Plan((), Node("Parallel", (), (sensing, Node("MeasureForces", name="other"))), "")
     runs = [leaf_of(f"tree.children[{i}]", status) for i, status in enumerate(statuses)]
-    tree = branches(plan, replace(data.trace, leaves=tuple(runs)))
+    tree = branches(plan, replace(data.run.trace, leaves=tuple(runs)))
     assert tree is not None
     assert tree.fate == fate
     failed = first_failure(tree)
@@ -493,10 +508,10 @@ def test_a_change_is_seen_beyond_the_noise_of_pictures(brightness: int, visible:
 def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
     data: ReportData,
 ) -> None:
-    mass, height = data.measured
-    believed = replace(height, estimate=replace(height.estimate, verdict="prior-dominated"))
-    lost = EstimateWithTruth(not_identified(mass.estimate.parameter, "kg", "It was never lifted."))
-    groups = parameter_groups(data.parameters, (lost, believed))
+    mass, height = data.run.estimates
+    believed = replace(height, verdict="prior-dominated")
+    lost = not_identified(mass.parameter, "kg", "It was never lifted.")
+    groups = parameter_groups(replace(data.run, estimates=(lost, believed)))
     shown = {row.quantity: row.value for rows in groups.values() for row in rows}
     assert (shown["mass"], shown["height"]) == ("?", "? → 0.76503 m")
 
@@ -504,11 +519,10 @@ def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
 def test_what_a_controlled_stop_did_stands_outside_of_the_plan(
     data: ReportData,
 ) -> None:
-    assert data.trace is not None
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 8.0, "SUCCESS", "open to 80 mm")
     planned = leaf_of("tree.children[0]", "SUCCESS")
-    trace = replace(data.trace, leaves=(planned, stop))
-    (done,) = aftermath(data.plan, trace)
+    trace = replace(data.run.trace, leaves=(planned, stop))
+    (done,) = aftermath(data.run.plan, trace)
     assert done.label == "OpenGripper()"
     assert (done.left, done.width) == (100.0, NARROWEST)
-    assert not aftermath(data.plan, None)
+    assert not aftermath(data.run.plan, None)

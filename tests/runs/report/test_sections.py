@@ -12,8 +12,9 @@ from finished_run import MASS, SCENE
 
 from palpate.planning.plan import Plan
 from palpate.runs.held_out import Curve, HeldOut, HeldOutMotion
+from palpate.runs.report.cards import parameter_groups
 from palpate.runs.report.changes import diff_lines, evidence, windows
-from palpate.runs.report.data import ReportData, parameter_rows, twin_checks
+from palpate.runs.report.data import ReportData, twin_checks
 from palpate.runs.report.sections import EDGE, HEIGHT, predictions
 from palpate.runs.report.writing import FILMS, IMAGES, pictures_in
 from palpate.scene.load import parse_scene
@@ -23,7 +24,7 @@ from palpate.twin.validate import ReplayResidual, Validation
 
 def test_a_window_is_named_once_by_what_it_tells_of(data: ReportData, trace: Trace) -> None:
     weigh, touch = trace.recordings
-    found = windows(trace, [one.estimate for one in data.measured])
+    found = windows(trace, data.run.estimates)
     assert found == {weigh: "bottle mass", touch: "table height"}
     untold = windows(replace(trace, conversions=()), ())
     assert untold == {weigh: "still bottle", touch: "contact table"}
@@ -94,9 +95,12 @@ def test_checks_tell_the_twin_from_the_scene_as_given() -> None:
 
 def test_what_was_asked_for_is_marked_among_what_the_scene_says() -> None:
     run: Any = SimpleNamespace(
-        plan=Plan((MASS,), None, ""), scene=parse_scene(SCENE.replace('material="glass"', ""))
+        plan=Plan((MASS,), None, ""),
+        scene=parse_scene(SCENE.replace('material="glass"', "")),
+        estimates=(),
     )
-    rows = {(row.object, row.quantity): (row.state, row.asked) for row in parameter_rows(run)}
+    groups = parameter_groups(run).items()
+    rows = {(name, row.quantity): (row.state, row.asked) for name, of in groups for row in of}
     assert rows["bottle", "mass"] == ("missing", True)
     assert rows["table", "height"] == ("missing", False)
 

@@ -3,26 +3,32 @@ values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from palpate.common.parameter import Parameter
+from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.runs.figures import figures, in_a_line
+from palpate.runs.held_out import stated_as
 from palpate.runs.report.changes import RecordingEntry, evidence, quantity_label
 from palpate.runs.report.charts import (
     Axis,
     Chart,
+    Truth,
     charts,
     error_text,
     plain,
     with_spread,
     with_unit,
 )
-from palpate.runs.report.data import EstimateWithTruth, ParameterRow, stated_as
 from palpate.trace.samples import Trace
+
+if TYPE_CHECKING:
+    from palpate.runs.run import Run
 
 MARGIN = 1.35
 """Distance from the middle of a bar to its end, in half widths of the interval."""
@@ -36,6 +42,8 @@ FEW = 4
 """Largest count of cards without a table above them."""
 AIR = 0.04
 """Share of a common scale that stays free at each end."""
+IN_TWIN = ("identified", "prior-dominated")
+"""Verdicts of values that the twin holds."""
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
 """Placeholder for a missing value."""
 
@@ -91,13 +99,19 @@ class EstimateCard:
     charts: tuple[Chart, ...]
 
 
-def cards(measured: Sequence[EstimateWithTruth], trace: Trace | None) -> list[EstimateCard]:
+def cards(run: Run) -> list[EstimateCard]:
     """Cards, one per estimate."""
-    return [estimate_card(m, trace, f"estimate-{i + 1}") for i, m in enumerate(measured)]
+    return [
+        estimate_card(
+            estimate, run.truth.get(estimate.parameter), run.trace_if_any, f"estimate-{i}"
+        )
+        for i, estimate in enumerate(run.estimates, 1)
+    ]
 
 
-def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str) -> EstimateCard:
-    estimate = measured.estimate
+def estimate_card(
+    estimate: Estimate, truth: Truth | None, trace: Trace | None, anchor: str
+) -> EstimateCard:
     unit = estimate.unit
     # Results of the estimate in addition to its values, as a static friction.
     further = [
@@ -118,36 +132,35 @@ def estimate_card(measured: EstimateWithTruth, trace: Trace | None, anchor: str)
         contradiction=estimate.contradiction,
         doubt=estimate.doubt,
         method=estimate.method,
-        intervals=tuple(component_intervals(measured)),
+        intervals=tuple(component_intervals(estimate, truth)),
         further=tuple(further),
         evidence=tuple(windows),
         anchor=anchor,
-        charts=charts(measured) if trace is not None and len(trace.samples) else (),
+        charts=charts(estimate, truth) if trace is not None and len(trace.samples) else (),
     )
 
 
-def component_intervals(measured: EstimateWithTruth) -> Iterable[IntervalBar]:
-    estimate = measured.estimate
+def component_intervals(estimate: Estimate, truth: Truth | None) -> Iterator[IntervalBar]:
     # A truth of another size cannot be compared component by component.
-    truths: Sequence[float | None] = measured.truth or ()
+    truths: Sequence[float | None] = truth or ()
     if len(truths) != len(estimate.values):
         truths = (None,) * len(estimate.values)
-    for i, (figure, truth) in enumerate(zip(figures(estimate), truths, strict=True)):
+    for i, (figure, true) in enumerate(zip(figures(estimate), truths, strict=True)):
         # Scale the bar to the interval, and to the truth if it is near.
         value = float(estimate.values[i])
         low, high = estimate.intervals[i].tolist()
         half = max((high - low) / 2, 1e-12)  # an exact value has an interval of no width
         reach = MARGIN * half
-        if truth is not None:  # a truth farther away than `OFF_SCALE` is drawn at the bar's end
-            reach = max(reach, min(TRUTH_MARGIN * abs(truth - value), OFF_SCALE * half))
+        if true is not None:  # a truth farther away than `OFF_SCALE` is drawn at the bar's end
+            reach = max(reach, min(TRUTH_MARGIN * abs(true - value), OFF_SCALE * half))
         bar = Axis(value - reach, value + reach)
         left, right = clipped_percent(bar, low), clipped_percent(bar, high)
         # Mark the truth of a simulated world.
         revealed = None
-        if truth is not None:
-            error = error_text(value, truth, estimate.unit, relative=not figure.axis)
-            at, covered = clipped_percent(bar, truth), low <= truth <= high
-            revealed = TruthMark(f"{truth:.6g}", at, error, covered, truth)
+        if true is not None:
+            error = error_text(value, true, estimate.unit, relative=not figure.axis)
+            at, covered = clipped_percent(bar, true), low <= true <= high
+            revealed = TruthMark(f"{true:.6g}", at, error, covered, true)
         yield IntervalBar(
             axis=figure.axis,
             value=figure.value,
@@ -169,17 +182,16 @@ def clipped_percent(bar: Axis, value: float) -> float:
     return min(max(bar.per_cent(value), 0.0), 100.0)
 
 
-def in_words(measured: Sequence[EstimateWithTruth]) -> tuple[str, str]:
+def in_words(cards: Iterable[EstimateCard]) -> tuple[str, str]:
     """Captions of the pictures: the names of the estimated quantities, and names with values."""
     unknown: list[str] = []
     known: list[str] = []
-    for card in cards(measured, None):
-        if not card.intervals:
-            continue
-        name = f"{card.object} {card.quantity}"
-        values = " ".join(interval.limit or interval.value for interval in card.intervals)
-        unknown.append(name)
-        known.append(with_unit(f"{name} {values}", card.unit))
+    for card in cards:
+        if card.intervals:
+            name = f"{card.object} {card.quantity}"
+            values = " ".join(interval.limit or interval.value for interval in card.intervals)
+            unknown.append(name)
+            known.append(with_unit(f"{name} {values}", card.unit))
     return ", ".join(unknown), ", ".join(known)
 
 
@@ -254,41 +266,45 @@ def quantity_scale(quantity: str, unit: str, cards: Sequence[EstimateCard]) -> Q
     )
 
 
+State = Literal["known", "missing", "assumed"]
+
+
 @dataclass(frozen=True, slots=True)
 class ParameterText:
-    """A parameter as text, with its value before and after."""
+    """Quantity of the scene as text: its status, its value before and after, and whether the
+    request names it."""
 
     quantity: str
-    state: str
+    state: State
     value: str
     asked: bool
 
 
-def parameter_groups(
-    rows: Sequence[ParameterRow], measured: Sequence[EstimateWithTruth]
-) -> dict[str, list[ParameterText]]:
-    """Rows of the scene's parameters, by object."""
-    # Use measured values that the twin holds.
-    found: dict[Parameter, EstimateWithTruth] = {}
-    for m in measured:
-        if m.estimate.verdict in ("identified", "prior-dominated"):
-            found[stated_as(m.estimate.parameter)] = m
+def parameter_groups(run: Run) -> dict[str, list[ParameterText]]:
+    """Missing, known and assumed quantities of the scene, by body."""
+    # Compare under the names of the scene. Measured values are those that the twin holds.
+    asked = {stated_as(parameter) for parameter in run.plan.parameters}
+    found = {stated_as(one.parameter): one for one in run.estimates if one.verdict in IN_TWIN}
     groups: dict[str, list[ParameterText]] = {}
-    for row in rows:
-        shown = ParameterText(
-            quantity_label(row.quantity), row.state, value_text(row, found), row.asked
-        )
-        groups.setdefault(row.object, []).append(shown)
+    for name, body in run.scene.bodies.items():
+        states: dict[State, Mapping[str, tuple[float, ...]]] = {
+            "missing": dict.fromkeys(sorted(body.missing), ()),
+            "known": body.known,
+            "assumed": dict.fromkeys(sorted(body.assumed), ()),
+        }
+        rows = [(state, id, value) for state, of in states.items() for id, value in of.items()]
+        for state, id, value in rows:
+            parameter = Parameter(name, id)
+            text = value_text(id, state, value, found.get(parameter))
+            row = ParameterText(quantity_label(id), state, text, parameter in asked)
+            groups.setdefault(name, []).append(row)
     return groups
 
 
-def value_text(row: ParameterRow, found: Mapping[Parameter, EstimateWithTruth]) -> str:
+def value_text(id: str, state: State, value: tuple[float, ...], now: Estimate | None) -> str:
     """Format the scene's value, followed by an arrow and the measured one."""
-    unit = catalogue()[row.quantity].unit if row.quantity in catalogue() else ""
-    before = plain(row.value) if row.value else UNSTATED[row.state]
-    now = found.get(Parameter(row.object, row.quantity))
+    unit = catalogue()[id].unit if id in catalogue() else ""
+    before = plain(value) if value else UNSTATED[state]
     if now is not None:
-        return with_unit(f"{before} → {in_a_line(now.estimate)}", unit)
-    if row.value:
-        return with_unit(before, unit)
-    return before
+        return with_unit(f"{before} → {in_a_line(now)}", unit)
+    return with_unit(before, unit) if value else before

@@ -12,11 +12,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.pose import Array
-from palpate.estimation.estimate import Z95, FitView, round_to_std
+from palpate.estimation.estimate import Z95, Estimate, FitView, round_to_std
 from palpate.runs.figures import figures
-from palpate.runs.report.data import EstimateWithTruth
 from palpate.runs.report.plots import FAINT, MARK, NORM, Figure, decimate, pack_array
 
+Truth = tuple[float, ...]
+"""True values of a simulated world, one for each component."""
 SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}
 """Units in which errors are easier to read."""
 
@@ -105,20 +106,20 @@ class Chart:
     figure: Figure
 
 
-def charts(measured: EstimateWithTruth) -> tuple[Chart, ...]:
+def charts(estimate: Estimate, truth: Truth | None = None) -> tuple[Chart, ...]:
     """A chart for each fit behind an estimate."""
     drawn: list[Chart] = []
-    for view in measured.estimate.views:
+    for view in estimate.views:
         try:
-            drawn.append(Chart(view.name, view.note, fit_figure(view, measured)))
+            drawn.append(Chart(view.name, view.note, fit_figure(view, estimate, truth)))
         except Exception as error:
             # A failed chart must not cost the page.
-            what = measured.estimate.parameter
-            log.warning("no chart of %s: %s: %s", what, type(error).__name__, error)
+            what, kind = estimate.parameter, type(error).__name__
+            log.warning("no chart of %s: %s: %s", what, kind, error)
     return tuple(drawn)
 
 
-def fit_figure(view: FitView, measured: EstimateWithTruth) -> Figure:
+def fit_figure(view: FitView, estimate: Estimate, truth: Truth | None) -> Figure:
     """Make the figure of `view`.
 
     It shows the predictions with the estimate's interval, the truth if it is known, and the
@@ -134,7 +135,7 @@ def fit_figure(view: FitView, measured: EstimateWithTruth) -> Figure:
     shown = [view.measured, view.predicted]
     certain = std <= WIDE * stated
     shown += [(view.measured + sign * std)[certain] for sign in (-1.0, 1.0)]
-    data = list(prediction_traces(view, measured, shown))
+    data = list(prediction_traces(view, estimate, truth, shown))
     data += measured_traces(view, std, view.measured, "y")
     layout: Figure = {
         "height": TALL if residuals else SHORT,
@@ -182,14 +183,14 @@ def axis_range(values: Array, air: float) -> tuple[float, float]:
 
 
 def prediction_traces(
-    view: FitView, measured: EstimateWithTruth, shown: list[Array]
+    view: FitView, estimate: Estimate, truth: Truth | None, shown: list[Array]
 ) -> Iterator[Figure]:
     """Yield the predicted curve.
 
     If the view has slopes, ∂prediction/∂value, the curve has its 95 % interval and the truth.
     Values that the axis must include are added to `shown`.
     """
-    estimate, name = measured.estimate, "the fit"
+    name = "the fit"
     # Sort by x for a line; rows without x cannot be drawn.
     order = np.argsort(view.x, kind="stable")
     order = order[np.isfinite(view.x[order])]
@@ -216,10 +217,10 @@ def prediction_traces(
         yield _curve("its 95 % interval", x, ends[1], fill="tonexty", fillcolor=BAND, **edge)
     yield _curve(name, x, predicted, line={"color": MARK, "width": 2.4})
     # Linearize: the true curve is the prediction plus slope times the error of the estimate.
-    if measured.truth and view.slopes is not None:
-        truth = predicted + view.slopes[order] @ (np.array(measured.truth) - estimate.values)
-        shown.append(truth)
-        yield _curve("the truth", x, truth, line={"color": TRUTH, "width": 2, "dash": "dash"})
+    if truth and view.slopes is not None:
+        true = predicted + view.slopes[order] @ (np.array(truth) - estimate.values)
+        shown.append(true)
+        yield _curve("the truth", x, true, line={"color": TRUTH, "width": 2, "dash": "dash"})
 
 
 def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iterator[Figure]:

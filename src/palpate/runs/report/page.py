@@ -9,16 +9,20 @@ import io
 import re
 from collections.abc import Iterator
 from functools import cache
+from importlib.metadata import version
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, cast
 
 from palpate.common.display import visible
 from palpate.common.redaction import redact
+from palpate.common.version import __version__
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.runs.answer import answer
 from palpate.runs.report.cards import FEW, cards, forest, in_words, parameter_groups
 from palpate.runs.report.changes import change, diff_lines, windows
-from palpate.runs.report.data import ReportData
-from palpate.runs.report.plots import FAILED, GROUPS, Figure, timeline
+from palpate.runs.report.data import Pictures, ReportData, twin_checks
+from palpate.runs.report.plots import FAILED, GROUPS, timeline
 from palpate.runs.report.sections import (
     Branch,
     aftermath,
@@ -26,6 +30,7 @@ from palpate.runs.report.sections import (
     first_failure,
     indifferent,
     lines,
+    pose_rows,
     predictions,
     primitive_groups,
 )
@@ -34,7 +39,11 @@ if TYPE_CHECKING:
     from jinja2 import Template
     from markupsafe import Markup
 
+    from palpate.runs.run import Run
 
+
+LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
+"""Libraries whose versions the page states."""
 MAX_IMAGE = 400_000
 """Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
 IMAGE_WIDTH = 1280
@@ -117,11 +126,6 @@ def sha256_source(content: bytes) -> str:
     return f"'sha256-{base64.b64encode(hashlib.sha256(content).digest()).decode()}'"
 
 
-def video_uri(mp4: bytes | None) -> str | None:
-    """Encode a film as a data URI."""
-    return data_uri("video/mp4", mp4) if mp4 else None
-
-
 def picture_uri(picture: bytes | None) -> str | None:
     """Encode a picture as a data URI; None if there is none or it cannot be read."""
     from PIL import Image
@@ -179,118 +183,131 @@ def write_report(path: Path, data: ReportData) -> None:
 
 def render_report(data: ReportData) -> str:
     """Render the page's HTML."""
+    run, trace, twin, done = data.run, data.run.trace_if_any, data.run.finished, data.run.execution
     # Prepare cards, tree and first failure, which several sections use.
-    made = cards(data.measured, data.trace)
-    tree = branches(data.plan, data.trace)
+    made = cards(run)
+    tree = branches(run.plan, trace)
     failure = first_failure(tree)
-    nodes = data.plan.tree.walk() if data.plan.tree is not None else ()
+    poses = list(pose_rows(run.beliefs))
     # Leaves of a controlled stop are outside of the tree: their paths have another prefix.
     begun: int | None = None
-    if data.status == "aborted" and data.trace is not None:
-        begun = sum(leaf.node.startswith("tree") for leaf in data.trace.leaves)
+    if run.status == "aborted" and trace is not None:
+        begun = sum(leaf.node.startswith("tree") for leaf in trace.leaves)
+    checks = None if twin is None else twin.validation
     return template("palpate.runs.report", "template.html").render(
         data=data,
-        verdict=verdict_title(data),
-        verdict_line=verdict_sentence(data),
-        actions=sum(not node.children for _, node in nodes),
+        run=run,
+        trace=trace,
+        answer=answer(run),
+        noise=None if run.is_recorded else noise_models().title(run.settings.noise),
+        world=run.world or "nothing was moved",
+        versions={"palpate": __version__, **{name: version(name) for name in LIBRARIES}},
+        verdict=verdict_title(run),
+        verdict_line=verdict_sentence(run),
+        actions=run.plan.actions,
         begun=begun,
+        robot_seconds=None if done is None else done.robot_seconds,
         cards=made,
         forest=forest(made),
         FEW=FEW,
         retraced=any(card.evidence or card.charts for card in made),
-        captions=in_words(data.measured),
-        parameters=parameter_groups(data.parameters, data.measured),
+        captions=in_words(made),
+        parameters=parameter_groups(run),
+        poses=poses,
         tree=tree,
         failure=failure,
-        steps=tuple(next_steps(data, failure)),
-        aftermath=aftermath(data.plan, data.trace),
-        predictions=predictions(data.held_out),
+        steps=tuple(next_steps(run, failure)),
+        aftermath=aftermath(run.plan, trace),
+        predictions=predictions(run.held_out),
         tasks=lines(data.proof),
         indifferent=tuple(indifferent(data.proof)),
-        diff=diff_lines(data.twin_diff),
+        diff=diff_lines("" if twin is None else twin.diff),
+        twin_checks={} if checks is None else twin_checks(checks),
+        twin_notes=() if twin is None else twin.notes,
         files=[name for name in data.files if SAFE_PATH.fullmatch(name) and ".." not in name],
         group_colours=GROUPS,
         failed=FAILED,
         policy=policy(),
         script=script(),
-        **picture_uris(data),
-        **timeline_figure(data),
+        film=data.pictures.film,
+        **picture_uris(data.pictures),
+        **timeline_figure(run),
     )
 
 
-def verdict_title(data: ReportData) -> str:
+def verdict_title(run: Run) -> str:
     """Headline of the page."""
-    if data.status == "aborted" and data.held is not None and data.held.became != "put down":
-        how = "still holds" if data.held.became == "held" else "lost"
-        return f"Stopped: the hand {how} {data.held.name}"
-    return VERDICTS[data.status]
+    held = None if run.execution is None else run.execution.held
+    if run.status == "aborted" and held is not None and held.became != "put down":
+        return f"Stopped: the hand {'still holds' if held.became == 'held' else 'lost'} {held.name}"
+    return VERDICTS[run.status]
 
 
-def verdict_sentence(data: ReportData) -> str:
+def verdict_sentence(run: Run) -> str:
     """Summary of the run in one sentence."""
-    if data.status == "rejected":
+    if run.status == "rejected":
         return "The arm did not move."
-    if data.plan.satisfied:
+    if run.plan.satisfied:
         return "Nothing is missing: the arm did not move."
-    if data.status == "aborted":
-        return data.stopped_by or "The robot stopped before the plan was finished."
+    if run.status == "aborted":
+        return run.reason or "The robot stopped before the plan was finished."
     # Count the identified estimates, and name axes and objects that are doubtful.
-    found = sum(m.estimate.identified for m in data.measured)
-    wanted = max(len(data.plan.parameters), len(data.measured))
+    found = sum(estimate.identified for estimate in run.estimates)
+    wanted = max(len(run.plan.parameters), len(run.estimates))
     unknowns = "unknown" if wanted == 1 else "unknowns"
     blind = [
-        f"{m.estimate.parameter} along {' and '.join(m.estimate.doubtful_axes)}"
-        for m in data.measured
-        if m.estimate.identified and m.estimate.reason
+        f"{estimate.parameter} along {' and '.join(estimate.doubtful_axes)}"
+        for estimate in run.estimates
+        if estimate.identified and estimate.reason
     ]
     but = f", but for {', '.join(blind)}" if blind else ""
-    elsewhere = [row.object for row in data.poses if row.contradiction]
+    elsewhere = [name for name, belief in run.beliefs.items() if belief.contradiction]
     not_there = f"; {', '.join(elsewhere)} not where it was seen" if elsewhere else ""
     return f"{found} of {wanted} {unknowns} measured{but}{not_there}."
 
 
-def picture_uris(data: ReportData) -> dict[str, Any]:
+def picture_uris(pictures: Pictures) -> dict[str, Any]:
     # Mark the visible change between the pictures before and after.
-    changed = change(data.before, data.after)
+    changed, film = change(pictures.before, pictures.after), pictures.film
     return {
-        "workspace": picture_uri(data.workspace),
-        "before": picture_uri(data.before),
-        "after": picture_uri(data.after),
-        "seen": picture_uri(data.seen),
+        "workspace": picture_uri(pictures.workspace),
+        "before": picture_uri(pictures.before),
+        "after": picture_uri(pictures.after),
+        "seen": picture_uri(pictures.seen),
         "changed": changed,
         "marked": picture_uri(changed.marked) if changed else None,
-        "video": video_uri(data.video),
+        "video": data_uri("video/mp4", film.mp4) if film else None,
     }
 
 
-def timeline_figure(data: ReportData) -> dict[str, Any]:
+def timeline_figure(run: Run) -> dict[str, Any]:
     """Timeline, and plotly.js to draw it, if anything was executed."""
-    figure: Figure | None = None
-    library = ""
-    if data.trace is not None and len(data.trace.samples):
-        named = windows(data.trace, [m.estimate for m in data.measured])
-        figure = timeline(data.trace, named, primitive_groups())
-        library, _ = plotly()  # 2 MB, only for pages that draw something
-    return {"figure": figure, "plotly": library}
+    trace = run.trace_if_any
+    if trace is None or not len(trace.samples):
+        return {"figure": None, "plotly": ""}
+    # 2 MB, only for pages that draw something.
+    figure = timeline(trace, windows(trace, run.estimates), primitive_groups())
+    return {"figure": figure, "plotly": plotly()[0]}
 
 
-def next_steps(data: ReportData, failure: Branch | None) -> Iterator[str]:
+def next_steps(run: Run, failure: Branch | None) -> Iterator[str]:
     """Yield advice to the user, in order, after a run that stopped early."""
-    if data.status != "aborted":
+    if run.status != "aborted":
         return
     # First the object in the hand, then the failure, then the next run.
-    if data.held is not None:
-        name = data.held.name
+    held = None if run.execution is None else run.execution.held
+    if held is not None:
+        name = held.name
         advice = {
             "held": f"Support {name}, open the fingers, and put it back where the scene has it.",
             "lost": f"Find {name} and put it back where the scene has it.",
         }
         put_down = f"{name} was put down: see that it stands where the scene has it."
-        yield advice.get(data.held.became, put_down)
+        yield advice.get(held.became, put_down)
     failed = failure is not None and failure.fate == "failure"
     if failure is not None and failed:
         yield ADVICE.get(failure.group, ADVICE["motion"])
-    kept = [str(one.estimate.parameter) for one in data.measured if one.estimate.identified]
+    kept = [str(estimate.parameter) for estimate in run.estimates if estimate.identified]
     if kept:
         yield f"Keep what was measured before the stop: {', '.join(kept)}."
     again = "Run the command again; it is at the end of this page, under “Reproduce”."
