@@ -13,8 +13,9 @@ import typer
 from typer.core import TyperCommand, TyperOption
 
 from palpate.cli.console import Voice, print_error
-from palpate.cli.options import FromSettings
+from palpate.cli.options import FromSettings, typer_option
 from palpate.common.errors import ExecutionAborted, PalpateError
+from palpate.common.extensions import Declared, Option
 from palpate.common.processes import interrupts
 
 VOICE = [field.name for field in fields(Voice)]
@@ -45,7 +46,9 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
             with interrupts() as signals:
                 try:
                     with signals.raised(), voice.heard():
-                        function(**_gather_options(given, groups))
+                        # The options of a group become one argument.
+                        gathered = {name: group.gather(given) for name, group in groups.items()}
+                        function(**given, **gathered)
                 except PalpateError as error:
                     raise typer.Exit(print_error(error, as_json)) from None
                 except KeyboardInterrupt:
@@ -53,7 +56,10 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
                     raise typer.Exit(print_error(aborted, as_json)) from None
 
         # typer reads the signature: give it the options in place of the groups.
-        _set_options(call, [*_options(function, hints, groups), *_Group(Voice).parameters()])
+        options = [*_options(function, hints, groups), *_Group(Voice).parameters()]
+        called: Any = call
+        called.__signature__ = Signature(options)
+        called.__annotations__ = {option.name: option.annotation for option in options}
         app.command(name, cls=SingleValued)(call)
         return function
 
@@ -83,8 +89,11 @@ class _Group:
     def parameters(self) -> Iterator[Parameter]:
         hints = get_type_hints(self.kind, include_extras=True)
         for field in fields(self.kind):
+            kind, info = get_args(hints[field.name])
+            if isinstance(info, Option):
+                info = typer_option(Declared(field.name, field, kind, info))
             default = Parameter.empty if field.default is MISSING else field.default
-            yield _option(field.name, hints[field.name], default)
+            yield _option(field.name, Annotated[kind, info], default)
 
     def gather(self, values: dict[str, Any]) -> Any:
         return self.kind(**{field.name: values.pop(field.name) for field in fields(self.kind)})
@@ -115,20 +124,3 @@ def _options(
 def _option(name: str, hint: Any, default: Any) -> Parameter:
     assert get_origin(hint) is Annotated, f"'{name}' is no option and no group of options"
     return Parameter(name, Parameter.KEYWORD_ONLY, default=default, annotation=hint)
-
-
-def _set_options(called: Any, options: list[Parameter]) -> None:
-    """Set the signature from which typer makes the command."""
-    called.__signature__ = Signature(options)
-    called.__annotations__ = {option.name: option.annotation for option in options}
-
-
-def _gather_options(
-    given: Mapping[str, Any], groups: Mapping[str, _Group | FromSettings]
-) -> dict[str, Any]:
-    """Convert the options to the function's arguments: the options of a group become one
-    argument."""
-    arguments = dict(given)
-    for name, group in groups.items():
-        arguments[name] = group.gather(arguments)
-    return arguments

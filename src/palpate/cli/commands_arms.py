@@ -8,7 +8,7 @@ from typing import Annotated
 import typer
 
 from palpate.cli.options import MODEL, AsJson, Given, SceneFile, Yes, settings
-from palpate.runs.settings import settings_of
+from palpate.runs.settings import References, settings_of
 
 OF_ARM = ("poses", "world", "arm", "robot", "robot_config", "noise", "seed", "cautious")
 PATIENCE = f"{MODEL}.budget.seconds"
@@ -16,43 +16,7 @@ PATIENCE = f"{MODEL}.budget.seconds"
 
 def calibrate(
     *,
-    weight: Annotated[
-        str | None,
-        typer.Option("--weight", metavar="[OBJECT=]MASS", help="Known mass: 0.5kg±0.1g"),
-    ] = None,
-    gauge: Annotated[
-        str | None,
-        typer.Option("--gauge", metavar="[SURFACE=]HEIGHT", help="Known height: 50mm±0.01mm"),
-    ] = None,
-    own_weight: Annotated[
-        bool, typer.Option("--own-weight", help="Let the arm weigh itself.")
-    ] = False,
-    camera: Annotated[
-        str | None,
-        typer.Option(
-            "--camera",
-            metavar="SOURCE",
-            help="Camera that looks at the arm, or is on its hand: number, realsense, or world:NAME.",
-        ),
-    ] = None,
-    intrinsics: Annotated[
-        Path | None,
-        typer.Option("--intrinsics", help="YAML with its lens, and roughly where it is."),
-    ] = None,
-    tag: Annotated[
-        str | None,
-        typer.Option(
-            "--tag",
-            metavar="[NUMBER=]SIDE",
-            help="Tag on the hand, or before a camera on it: 0=100mm±0.1mm",
-        ),
-    ] = None,
-    plot: Annotated[
-        Path | None,
-        typer.Option(
-            "--plot", metavar="FILE.png", help="Picture of the camera's residuals to write."
-        ),
-    ] = None,
+    wanted: References,
     out: Annotated[
         Path, typer.Option("--out", help="robot.yaml to write; its other figures stay.")
     ] = Path("robot.yaml"),
@@ -68,15 +32,13 @@ def calibrate(
     from palpate.cli.show_arms import show_calibration
     from palpate.cli.show_run import confirm_plan, live_view, show_plan_early, unless
     from palpate.runs.calibration.calibrate import calibrate as carry_out_calibration
-    from palpate.runs.calibration.calibrate import parse_references
     from palpate.runs.callbacks import RunCallbacks, unheard
 
-    asked = parse_references(weight, gauge, own_weight, camera, intrinsics, tag, plot)
     with live_view() as (observer, say):
         callbacks = RunCallbacks(
             observer, say, unless(yes, confirm_plan), planned=unheard if yes else show_plan_early
         )
-        done = carry_out_calibration(settings_of(scene=scene, **given), asked, out, callbacks)
+        done = carry_out_calibration(settings_of(scene=scene, **given), wanted, out, callbacks)
     show_calibration(done, as_json)
 
 

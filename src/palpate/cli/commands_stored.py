@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from palpate.cli.options import AsJson, EstimatorNames, Given, RunFolder, by_quantity, settings
+from palpate.cli.options import AsJson, Given, RunFolder, settings
 from palpate.common.errors import InputError
 from palpate.common.processes import interrupts
 
@@ -27,7 +27,14 @@ def estimate(
         ),
     ] = None,
     *,
-    estimator: EstimatorNames = None,
+    estimator: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--estimator",
+            metavar="QUANTITY=NAME",
+            help="Estimator of a quantity, e.g. mass=single-shot; may be repeated.",
+        ),
+    ] = None,
     loaded: Annotated[
         list[str] | None,
         _of_log("--loaded", "A-B", "Seconds in which the load hung free; may be repeated."),
@@ -75,7 +82,7 @@ def estimate(
         raise InputError("give a run folder or a recording, or --how for what to record")
     # A run folder is estimated again; everything else is a recording.
     if (source / "result.json").exists():
-        found = pp.open(source).estimate(by_quantity("estimator", estimator or ()))
+        found = pp.open(source).estimate(dict(map(_estimator, estimator or ())))
     else:
         with live_view() as (_, progress):
             found = pp.estimate(
@@ -95,6 +102,18 @@ def estimate(
     # Only requested parameters decide the exit status.
     asked = [one for one in found.estimates if one.parameter in found.plan.parameters]
     raise typer.Exit(0 if all(one.identified for one in asked) else 1)
+
+
+def _estimator(text: str) -> tuple[str, str]:
+    """Parse `QUANTITY=NAME`.
+
+    Raises:
+        InputError: another form.
+    """
+    quantity, _, name = (part.strip() for part in text.partition("="))
+    if not (quantity and name):
+        raise InputError(f"--estimator takes QUANTITY=NAME, not '{text}'")
+    return quantity, name
 
 
 def _window(text: str) -> tuple[float, float]:

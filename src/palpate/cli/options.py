@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import MISSING, dataclass
 from inspect import Parameter
 from pathlib import Path
@@ -53,14 +53,6 @@ LiveView = Annotated[
     ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
-EstimatorNames = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--estimator",
-        metavar="QUANTITY=NAME",
-        help="Estimator of a quantity, e.g. mass=single-shot; may be repeated.",
-    ),
-]
 
 
 _DECLARED = tuple(iter_options(Settings))
@@ -90,7 +82,7 @@ class FromSettings:
                 _flat(one.name),
                 Parameter.KEYWORD_ONLY,
                 default=self.defaults.get(one.name, unset),
-                annotation=Annotated[_kind(one.kind), _typer_option(one)],
+                annotation=Annotated[_kind(one.kind), typer_option(one)],
             )
 
     def gather(self, values: dict[str, Any]) -> Given:
@@ -133,22 +125,6 @@ def one_scene(argument: Path | None, given: Given) -> Given:
     return given | {"scene": argument}
 
 
-def by_quantity(option: str, entries: Sequence[str], word: str = "NAME") -> dict[str, str]:
-    """Parse the `QUANTITY=WORD` entries of an option, by quantity. `word` is the placeholder in its
-    help.
-
-    Raises:
-        InputError: an entry of another form.
-    """
-    found: dict[str, str] = {}
-    for entry in entries:
-        quantity, equals, said = (part.strip() for part in entry.partition("="))
-        if not (quantity and equals and said):
-            raise InputError(f"--{option} takes QUANTITY={word}, not '{entry}'")
-        found[quantity] = said
-    return found
-
-
 def _flat(name: str) -> str:
     """Name of the parameter of a field, different from all parameters of commands."""
     return f"setting_{name.replace('.', '__')}"
@@ -162,7 +138,8 @@ def _kind(hint: Any) -> Any:
     return list[str] | None if hint is Any else hint
 
 
-def _typer_option(one: Declared) -> Any:
+def typer_option(one: Declared) -> Any:
+    """Make typer's option of a declared one."""
     option = one.option
     return typer.Option(
         *one.flags,

@@ -338,6 +338,32 @@ def _check_request(request: str) -> None:
         )
 
 
+@dataclass(frozen=True)
+class References:
+    """References and procedures of a calibration, as given by the user."""
+
+    weight: Annotated[str | None, Option("Known mass: 0.5kg±0.1g", "[OBJECT=]MASS")] = None
+    gauge: Annotated[str | None, Option("Known height: 50mm±0.01mm", "[SURFACE=]HEIGHT")] = None
+    own_weight: Annotated[bool, Option("Let the arm weigh itself.")] = False
+    camera: Annotated[
+        str | None,
+        Option(
+            "Camera that looks at the arm, or is on its hand: number, realsense, or world:NAME.",
+            "SOURCE",
+        ),
+    ] = None
+    intrinsics: Annotated[
+        Path | None, Option("YAML with its lens, and roughly where it is.", "FILE")
+    ] = None
+    tag: Annotated[
+        str | None,
+        Option("Tag on the hand, or before a camera on it: 0=100mm±0.1mm", "[NUMBER=]SIDE"),
+    ] = None
+    plot: Annotated[
+        Path | None, Option("Picture of the camera's residuals to write.", "FILE.png")
+    ] = None
+
+
 PATHS = ("scene", "root", "poses", "images", "intrinsics", "world", "robot_config", "twin")
 """Fields that `request.json` states as absolute paths: the run folder may be read from
 elsewhere."""

@@ -17,8 +17,8 @@ from palpate.robots.owner import apply_calibration as with_figures
 from palpate.robots.owner import load_description
 from palpate.robots.robot_config import RobotConfig, read_config
 from palpate.runs.calibration import camera
-from palpate.runs.calibration.calibrate import calibrate, parse_references
-from palpate.runs.settings import settings_of
+from palpate.runs.calibration.calibrate import calibrate
+from palpate.runs.settings import References, settings_of
 from palpate.runs.workplace import seen_from
 from palpate.scene.load import parse_scene
 
@@ -48,7 +48,7 @@ def test_a_tag_tells_where_the_camera_is(
     monkeypatch.setattr(camera, "PICTURES", 8)
     monkeypatch.setattr(camera, "DRAWN", 4000)
     out = tmp_path / "robot.yaml"
-    asked = parse_references(None, None, False, source, None, "7=100mm", tmp_path / "left.png")
+    asked = References(None, None, False, source, None, "7=100mm", tmp_path / "left.png")
     done = calibrate(settings_of(noise="none", seed=3), asked, out)
     found = read_config(out).camera
     assert found is not None
@@ -178,7 +178,7 @@ def test_what_cannot_be_calibrated_is_one_clear_error(
 
     def attempt() -> None:
         weighs, source, tag = (given.get(name) for name in ("own_weight", "camera", "tag"))
-        asked = parse_references(None, None, bool(weighs), source, lens, tag)
+        asked = References(None, None, bool(weighs), source, lens, tag)
         calibrate(settings_of(noise="none"), asked, Path("robot.yaml"))
 
     with pytest.raises(InputError, match=words):

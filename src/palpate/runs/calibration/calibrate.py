@@ -22,7 +22,7 @@ from palpate.runs.calibration.gains import LENGTH, MASS, Known
 from palpate.runs.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.callbacks import SILENT, RunCallbacks
-from palpate.runs.settings import Settings, noise_source
+from palpate.runs.settings import References, Settings, noise_source
 from palpate.trace.recording import NominalHand
 
 if TYPE_CHECKING:
@@ -39,54 +39,6 @@ MEASURED = (
     "camera",
 )
 """Keys of robot.yaml that a calibration writes. It leaves all others unchanged."""
-
-
-@dataclass(frozen=True, slots=True)
-class Wanted:
-    """References and procedures of one calibration.
-
-    Attributes:
-        weight: a known mass, kg.
-        gauge: known heights, m.
-        own_weight: the arm weighs itself.
-        camera: a camera that looks at the arm or is on its hand, in the syntax of `see`.
-        intrinsics: intrinsics file of the camera.
-        tag: number and side, m, of the tag on the hand, or before a camera on the hand.
-        plot: PNG file for the camera's residuals.
-    """
-
-    weight: Known | None = None
-    gauge: Known | None = None
-    own_weight: bool = False
-    camera: str | None = None
-    intrinsics: Path | None = None
-    tag: Known | None = None
-    plot: Path | None = None
-
-
-def parse_references(
-    weight: str | None,
-    gauge: str | None,
-    own_weight: bool,
-    camera: str | None = None,
-    intrinsics: Path | None = None,
-    tag: str | None = None,
-    plot: Path | None = None,
-) -> Wanted:
-    """Parse the references from text: `0.5kg±0.1g`, `block=50mm±0.01mm`, `0=100mm±0.1mm`.
-
-    Raises:
-        InputError: no such size.
-    """
-    return Wanted(
-        None if weight is None else Known.of(weight, MASS, "the weight"),
-        None if gauge is None else Known.of(gauge, LENGTH, "the gauge's height"),
-        own_weight,
-        camera,
-        intrinsics,
-        None if tag is None else Known.of(tag, LENGTH, "the tag's side"),
-        plot,
-    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,7 +79,7 @@ class Calibration:
 
 
 def calibrate(
-    settings: Settings, wanted: Wanted, out: Path, callbacks: RunCallbacks = SILENT
+    settings: Settings, wanted: References, out: Path, callbacks: RunCallbacks = SILENT
 ) -> Calibration:
     """Calibrate an arm and write the findings into `out`; other figures of an existing file stay.
 
@@ -141,6 +93,14 @@ def calibrate(
         ExecutionAborted: not confirmed, or stopped.
     """
     # Check everything before the arm moves.
+    weight, height, tag = (
+        None if text is None else Known.of(text, units, what)
+        for text, units, what in (
+            (wanted.weight, MASS, "the weight"),
+            (wanted.gauge, LENGTH, "the gauge's height"),
+            (wanted.tag, LENGTH, "the tag's side"),
+        )
+    )
     settings = settings.check_values(at_hand=True)
     existing = read_config(out) if out.exists() else None
     require_consistent(settings, wanted, out, existing)
@@ -155,18 +115,18 @@ def calibrate(
     start = session.arm
     if wanted.own_weight:
         weigh_itself(session)
-    if wanted.weight is not None:
-        weigh(session, wanted.weight)
-    if wanted.gauge is not None:
-        gauge(session, wanted.gauge)
+    if weight is not None:
+        weigh(session, weight)
+    if height is not None:
+        gauge(session, height)
     # The camera last: its pose uses the calibrated arm.
     seen, rows = None, list[CalibratedFigure]()
     if wanted.camera is not None:
         from palpate.runs.calibration.camera import locate
 
-        assert wanted.tag is not None
-        seen, believed = locate(session, wanted.camera, wanted.intrinsics, wanted.tag)
-        rows = camera_found(believed, seen, wanted.tag)
+        assert tag is not None
+        seen, believed = locate(session, wanted.camera, wanted.intrinsics, tag)
+        rows = camera_found(believed, seen, tag)
     # Write the findings over the figures of the existing file.
     config = merge_findings(existing or before, session)
     write_config(out, config)
@@ -179,7 +139,7 @@ def calibrate(
 
 
 def require_consistent(
-    settings: Settings, wanted: Wanted, out: Path, existing: RobotConfig | None
+    settings: Settings, wanted: References, out: Path, existing: RobotConfig | None
 ) -> None:
     """Require a reference, a scene for a real arm, and files of this same arm.
 
@@ -187,7 +147,7 @@ def require_consistent(
         InputError: one of them is missing or contradicts another.
     """
     # Require references and options that belong together.
-    if wanted == Wanted():
+    if wanted == References():
         raise InputError(
             "nothing to calibrate with: give a known weight (--weight 0.5kg±0.1g), known heights "
             "(--gauge 50mm±0.01mm), a camera and a tag (--camera 0 --tag 0=100mm), or let the arm weigh "
