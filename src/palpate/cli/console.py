@@ -198,11 +198,7 @@ class Voice:
 
     @contextmanager
     def heard(self) -> Generator[None]:
-        """Apply the options inside the block.
-
-        Raises:
-            InputError: the log cannot be written.
-        """
+        """Apply the options inside the block."""
         logger = logging.getLogger("palpate")
         level, quiet = logger.level, err.quiet
         # Change the logger and the console, and restore both after the block.

@@ -188,11 +188,7 @@ def show_report(folder: Path) -> None:
 
 
 def show_how(arm: str, out_file: Path | None) -> None:
-    """Write a motion that excites a load, and print the instructions for its recording.
-
-    Raises:
-        InputError: there is no such arm, or the file exists or cannot be written.
-    """
+    """Write a motion that excites a load, and print the instructions for its recording."""
     from palpate.runs.tools import write_excitation
 
     file = out_file or Path(f"excitation-{Path(arm).name}.csv")

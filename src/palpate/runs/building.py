@@ -86,9 +86,6 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
 
     Returns:
         The trace, and the world at the end.
-
-    Raises:
-        Interrupted: a signal came meanwhile.
     """
     from palpate.robots.owner import measured_arm
     from palpate.robots.simulated.robot import MujocoRobot

@@ -113,10 +113,6 @@ def watch_state(settled: Settled, see: See | None) -> Settled:
 def eye(made: Run, cell: Cell) -> See | None:
     """Make the looks of the settings' camera; None without one, and of a file, which shows nothing
     new.
-
-    Raises:
-        InputError: no such camera, or no intrinsics.
-        Unavailable: it does not answer.
     """
     source = made.settings.camera
     if source is None:
@@ -201,12 +197,7 @@ log = logging.getLogger(__name__)
 def execute(
     made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
 ) -> Run:
-    """Execute the plan on the cell's robot. `keep` writes samples to disk meanwhile.
-
-    Raises:
-        InputError: the workplace cannot be used.
-        Unavailable: the robot, or the camera, is out of reach.
-    """
+    """Execute the plan on the cell's robot. `keep` writes samples to disk meanwhile."""
     # Connect camera and robot before the first motion.
     see = eye(made, cell)
     robot, before = robot_of(cell, callbacks.may_resume)

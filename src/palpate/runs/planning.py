@@ -35,12 +35,7 @@ if TYPE_CHECKING:
 
 
 def preflight(settings: Settings) -> None:
-    """Require that the robot of the settings answers, before a plan is made for it.
-
-    Raises:
-        InputError: no such URL.
-        Unavailable: it does not answer.
-    """
+    """Require that the robot of the settings answers, before a plan is made for it."""
     if settings.robot is not None:
         connect_cell(settings, None)
 
@@ -48,9 +43,6 @@ def preflight(settings: Settings) -> None:
 def load(settings: Settings) -> Scene | None:
     """Load the scene with its poses; None if the settings name none. Check that images are
     readable.
-
-    Raises:
-        InputError: a file that cannot be used.
     """
     for image in settings.images:
         load_image(image)
@@ -70,10 +62,6 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
 
     A plan without a tree is a rejection. Without a scene file, the scene is built from the objects
     that a model detected in the picture.
-
-    Raises:
-        InputError: bad input, or a scene without room for the arm.
-        Unavailable: the provider.
     """
     if scene is not None:
         settings.within.check(scene.bodies)

@@ -266,11 +266,7 @@ class Run(Estimates):
 
     @cached_property
     def trace_if_any(self) -> Trace | None:
-        """The trace, or None; a run opened from its folder reads the file at first use.
-
-        Raises:
-            InputError: the file in the folder is not a trace.
-        """
+        """The trace, or None; a run opened from its folder reads the file at first use."""
         # In memory, or else in the folder.
         if self.recorded is not None or self.folder is None:
             return self.recorded

@@ -126,11 +126,7 @@ def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
 
 
 def reopen(folder: Path) -> Run:
-    """Read the run that `save` wrote into `folder`. Its trace is read on first access.
-
-    Raises:
-        InputError: there is no such folder, or it is not a run's.
-    """
+    """Read the run that `save` wrote into `folder`. Its trace is read on first access."""
     from palpate.runs.read import read_run
 
     settings = settings_from(read_json(folder / "request.json"))
@@ -151,9 +147,6 @@ def taken_up(folder: Path) -> Run:
     """Read an unfinished run from `folder`, ready for its remaining stages.
 
     The result is not `fast`, and has no interruption and no shortfalls.
-
-    Raises:
-        InputError: there is no such folder, or it is not a run's.
     """
     made = reopen(folder)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)

@@ -79,9 +79,6 @@ def examined_planner(
 
     A model's server is asked for its models, the model for a word and for the colour of a picture.
     Each may take `seconds`.
-
-    Raises:
-        InputError: no such planner or address.
     """
     if planner.partition(":")[0] in PROVIDERS:
         from palpate.planning.model.examine import examine
@@ -92,11 +89,7 @@ def examined_planner(
 
 
 def lesson(asked: Settings) -> Lesson:
-    """Prepare the teaching of the poses of the settings' scene, with the known ones.
-
-    Raises:
-        InputError: a file that cannot be read.
-    """
+    """Prepare the teaching of the poses of the settings' scene, with the known ones."""
     assert asked.scene is not None
     # Begin with the known poses; their other entries are kept unchanged.
     arm, poses = load_description(asked.arm), asked.poses
@@ -120,11 +113,7 @@ def guided_hand(url: str, taught: Lesson) -> GuidedHand:
 
 
 def write_poses(path: Path, taught: Lesson) -> None:
-    """Write the taught poses to a new poses.yaml.
-
-    Raises:
-        InputError: it exists, or cannot be written.
-    """
+    """Write the taught poses to a new poses.yaml."""
     text = yaml_text(taught.content)
     parse_poses(text, str(path))
     write_new(path, text)
@@ -174,9 +163,6 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
         plan: a plan, a chat's answer, or a run folder.
         asked: the scene and the arm; without a scene the plan is checked against the objects in its
             file, or without any.
-
-    Raises:
-        InputError: a file that cannot be read, or a scene without room for the arm.
     """
     # Check against the scene, or against the objects in the plan's own file.
     proposal = load_proposal(plan)
@@ -230,11 +216,7 @@ def prompt(settings: Settings) -> Prompt:
 
 
 def replay_planner_name(plan: Path) -> str:
-    """Name of the planner that replays a plan file or the plan of a run folder.
-
-    Raises:
-        InputError: there is no such file.
-    """
+    """Name of the planner that replays a plan file or the plan of a run folder."""
     return f"replay:{plan_file(plan)}"
 
 

@@ -36,12 +36,7 @@ log = logging.getLogger(__name__)
 
 
 def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
-    """Connect the cell of the real robot that the settings name.
-
-    Raises:
-        InputError: no such URL.
-        Unavailable: no driver for it, or no answer.
-    """
+    """Connect the cell of the real robot that the settings name."""
     assert settings.robot is not None
     return drivers().connect(settings.robot, scene)
 
@@ -53,10 +48,6 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
         settings: of the run.
         scene: in which the robot works.
         seen: the scene was detected in a picture.
-
-    Raises:
-        InputError: world and scene do not match, or `robot.yaml` was measured on another arm.
-        Unavailable: no driver for the robot.
     """
     from palpate.execution.simulated_cell import simulated_cell
 
@@ -87,10 +78,6 @@ def pictures_of(
 
     Returns:
         The pictures, and a note for each one that failed.
-
-    Raises:
-        InputError: world and scene do not match.
-        Unavailable: no driver for the robot.
     """
     if scene is None and settings.world is None and settings.robot is None:
         return (), ()

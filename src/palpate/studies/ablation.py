@@ -58,9 +58,6 @@ SEVERAL = "kinds"
 def chosen(names: Sequence[str]) -> list[str]:
     """Expand scenario names: `all` is every scenario with a request for a planner, `kinds` is
     `KINDS`.
-
-    Raises:
-        InputError: there is no such scenario.
     """
     found: list[str] = []
     for name in names:
@@ -86,10 +83,6 @@ def ablation(
 ) -> list[TrialRecord]:
     """Run `trials` trials of every configuration, prompt, planner and scenario; append the results
     to `file`.
-
-    Raises:
-        InputError: unknown scenario, planner, prompt or configuration.
-        Unavailable: the provider could not be reached; finished trials are kept.
     """
     # All trials share the conditions; pictures are saved next to the results.
     conditions = replace(conditions, beside=file)
@@ -126,10 +119,6 @@ def repeatability(
 ) -> list[TrialRecord]:
     """Run `trials` trials of the whole prompt with every planner in every scenario; append the
     results to `file`.
-
-    Raises:
-        InputError: unknown scenario or planner.
-        Unavailable: the provider could not be reached; finished trials are kept.
     """
     return ablation(names, planners, file, conditions, trials, ["full"], in_flight, say, prompts)
 

@@ -203,9 +203,6 @@ def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) 
 
     Each object is displaced in the plane by the stated accuracy of its pose (1 sigma an axis),
     seeded by the settings. The detection has displaced objects `seen` in a picture already.
-
-    Raises:
-        InputError: as `cell_for`.
     """
     # Objects exactly at their poses would make the pose errors in the intervals look too large.
     cell = cell_for(settings, scene, seen)

@@ -57,11 +57,7 @@ class ScenarioSection:
 
 
 def write_page(folder: Path) -> Path | None:
-    """Write the page of all rows of a folder; None if it has none.
-
-    Raises:
-        InputError: the rows are not of an accuracy study.
-    """
+    """Write the page of all rows of a folder; None if it has none."""
     runs = group_runs(read(folder))
     if not runs:
         return None

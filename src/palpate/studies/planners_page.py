@@ -67,11 +67,7 @@ class Table:
 
 
 def write_page(results: Path) -> Path | None:
-    """Write the page of a results file into its folder; None if the file is empty or missing.
-
-    Raises:
-        InputError: the file holds something else.
-    """
+    """Write the page of a results file into its folder; None if the file is empty or missing."""
     records = read_records(results)
     if not records:
         return None

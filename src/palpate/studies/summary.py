@@ -75,9 +75,6 @@ def measure(
 
     Runs in `folder` are reused. `crew` makes the others, and they are appended. `say` receives the
     progress.
-
-    Raises:
-        InputError: bad settings, or the folder holds runs with other settings.
     """
     # Find the runs that the folder lacks.
     known = {row.key: row for row in read(folder)} if folder else {}
@@ -121,11 +118,7 @@ def group_settings(settings: Settings) -> dict[str, str]:
 
 
 def read(folder: Path) -> list[SeedRow]:
-    """Read all rows of a folder.
-
-    Raises:
-        InputError: its file holds something else.
-    """
+    """Read all rows of a folder."""
     return Lines(folder / FILE).read_as(SeedRow)
 
 

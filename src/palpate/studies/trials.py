@@ -152,10 +152,6 @@ def run_trials(
     """Return the records of all trials, in order.
 
     Records in `file` are read, the others are made by `attempt` and appended.
-
-    Raises:
-        InputError: `file` is not a results file.
-        Unavailable: the provider could not be reached; finished trials are kept.
     """
     # Continue a study: only trials without a record are made.
     kept = {record.trial: record for record in read_records(file)}
@@ -172,11 +168,7 @@ def run_trials(
 
 
 def read_records(file: Path) -> list[TrialRecord]:
-    """Read the records of a results file; empty without a file.
-
-    Raises:
-        InputError: the file holds something else.
-    """
+    """Read the records of a results file; empty without a file."""
     return Lines(file).read_as(TrialRecord)
 
 

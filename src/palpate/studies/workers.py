@@ -41,9 +41,6 @@ class Lines:
         """Read all complete lines; empty without a file.
 
         A last line without its end was cut off, and is left out.
-
-        Raises:
-            InputError: the file holds something else.
         """
         if not self.file.exists():
             return []
@@ -267,10 +264,6 @@ def crew(address: str, workers: int | None = None) -> Generator[Crew]:
 
     The address is `local`, `auto` (the cluster that runs on this machine), `HOST:PORT` or
     `ray://HOST:PORT`. At most `workers` are used, by default one per processor.
-
-    Raises:
-        InputError: it is not an address.
-        Unavailable: Ray is not installed, or the cluster does not answer.
     """
     if address == LOCAL:
         yield Processes(workers or os.cpu_count() or 1)

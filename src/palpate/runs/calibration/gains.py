@@ -330,9 +330,6 @@ def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
         mean: (7,) gains estimated without a prior.
         covariance: (7, 7) of `mean`.
         believed: (7, 7) prior covariance of the gains.
-
-    Raises:
-        InputError: they differ from zero by more than their accuracy allows.
     """
     # Test statistic d^T S^-1 d over all joints; the message names the joint that deviates most.
     spread = covariance + believed

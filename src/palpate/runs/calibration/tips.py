@@ -89,9 +89,6 @@ def fit_tips(
         known: height of all of them, m.
         base: pose of the arm's base.
         reach: of the arm, m.
-
-    Raises:
-        InputError: too few touches, or surfaces of another height, or not in one plane.
     """
     hand = trace.hand
     # Find the touches of all descents; group them by place.
@@ -201,9 +198,6 @@ def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -
         residuals: (n,) whitened residuals of the plane.
         prior: m (1 sigma), of the arm's own height.
         known: stated height.
-
-    Raises:
-        InputError: one of the tests fails.
     """
     side = "above" if apart > 0 else "below"
     # Height against the certificate, with the prior of the arm's own height.
@@ -255,9 +249,6 @@ def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[
 
     Returns:
         (n, 2) m, places in the axes of the base, and the heights (k,) m of each in the world.
-
-    Raises:
-        InputError: too few places.
     """
     groups: list[list[SurfaceTouch]] = []
     # Each touch joins the first group within `APART`, or begins a new one.

@@ -47,9 +47,6 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
     """Add pictures of the workspace, and of the scene before and after, to `taken`.
 
     Without OpenGL, only existing pictures are used.
-
-    Raises:
-        RuntimeError: OpenGL failed.
     """
     # Prefer the user's picture, then the planner's, then the stored one, then a rendering.
     workspace = run.picture or taken.workspace
@@ -74,12 +71,7 @@ def take_stills(run: Run, taken: Pictures) -> Pictures:
 
 
 def take_film(run: Run) -> Film | None:
-    """Make the film from the footage of the cell's camera; None without footage or OpenGL.
-
-    Raises:
-        RuntimeError: OpenGL failed.
-        OSError: it cannot be encoded.
-    """
+    """Make the film from the footage of the cell's camera; None without footage or OpenGL."""
     if run.footage is None or run.settings.fast or not gl_available()[0]:
         return None
     return film_of(run.footage, run.trace_if_any)
@@ -121,11 +113,7 @@ class Darkroom:
         self._stills = Beside(lambda: take_stills(run, Pictures()), self._copied)
 
     def stills(self, run: Run, taken: Pictures) -> Pictures:
-        """Wait for the pictures.
-
-        Raises:
-            RuntimeError: OpenGL failed.
-        """
+        """Wait for the pictures."""
         return self._stills.result() if self._stills else take_stills(run, taken)
 
     def __enter__(self) -> Darkroom:
