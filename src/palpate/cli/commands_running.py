@@ -88,9 +88,9 @@ def execute(
     yes: Yes = False,
 ) -> None:
     """Execute an existing plan."""
-    from palpate.runs.tools import replay_planner_name
+    from palpate.runs.tools import plan_file
 
-    carry_out(settings_of(**given, planner=replay_planner_name(plan)), as_json, live, yes)
+    carry_out(settings_of(**given, planner=f"replay:{plan_file(plan)}"), as_json, live, yes)
 
 
 def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> None:

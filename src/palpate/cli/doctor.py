@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from importlib.metadata import PackageNotFoundError, version
 from typing import NamedTuple
 
@@ -54,9 +54,21 @@ class DoctorLine(NamedTuple):
 def examine() -> int:
     """Print the table. Return 0 if the embedded robot and the symbolic planner are usable, else
     5."""
-    core = [_core(name) for name in CORE]
+    from palpate.runs.tools import gl_available
+
+    system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
+    core = [_library(name, name, name) for name in CORE]
+    lines = [
+        DoctorLine(True, "palpate", f"{__version__}, {system}"),
+        *core,
+        DoctorLine(gl_available()[0], "pictures (OpenGL)", gl_available()[1]),
+        DoctorLine(True, "embedded robot", "an arm in a MuJoCo world; needs nothing else"),
+        DoctorLine(True, "planner symbolic", "needs no key and no network"),
+        *(_provider(provider, *needed) for provider, needed in PROVIDERS.items()),
+        *(_library(name, what, f"'palpate[{extra}]'") for extra, (what, name) in EXTRAS.items()),
+    ]
     table = Table(box=None, show_header=False, pad_edge=False)
-    for line in (_palpate(), *core, _pictures(), *_robots_and_planners(), *_extras()):
+    for line in lines:
         mark = "[green]✓[/]" if line.good else "[yellow]–[/]"
         table.add_row(mark, line.what, f"[dim]{escape(line.detail)}[/]")
     out.print(table)
@@ -90,50 +102,17 @@ def _print_checks(lines: Iterable[tuple[bool, str, str]]) -> int:
     return 0 if well else 5
 
 
-def _palpate() -> DoctorLine:
-    system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"
-    return DoctorLine(True, "palpate", f"{__version__}, {system}")
-
-
-def _core(name: str) -> DoctorLine:
-    found = _installed_version(name)
-    if found is None:
-        return DoctorLine(False, name, f"missing: pip install {name}")
-    return DoctorLine(True, name, found)
-
-
-def _pictures() -> DoctorLine:
-    from palpate.runs.tools import pictures
-
-    good, detail = pictures()
-    return DoctorLine(good, "pictures (OpenGL)", detail)
-
-
-def _robots_and_planners() -> Iterator[DoctorLine]:
-    yield DoctorLine(True, "embedded robot", "an arm in a MuJoCo world; needs nothing else")
-    yield DoctorLine(True, "planner symbolic", "needs no key and no network")
-    for provider, (distribution, key) in PROVIDERS.items():
-        yield _provider(provider, distribution, key)
+def _library(distribution: str, what: str, package: str) -> DoctorLine:
+    """Installed version of a distribution, or the package that brings it."""
+    try:
+        return DoctorLine(True, what, version(distribution))
+    except PackageNotFoundError:
+        return DoctorLine(False, what, f"missing: pip install {package}")
 
 
 def _provider(provider: str, distribution: str, key: str) -> DoctorLine:
-    what = f"planner {provider}"
-    if _installed_version(distribution) is None:
-        return DoctorLine(False, what, f"missing: pip install 'palpate[{provider}]'")
-    if not os.environ.get(key):
-        return DoctorLine(False, what, f"set {key} to use it")
-    return DoctorLine(True, what, f"{key} is set")
-
-
-def _extras() -> Iterator[DoctorLine]:
-    for extra, (what, distribution) in EXTRAS.items():
-        found = _installed_version(distribution)
-        yield DoctorLine(bool(found), what, found or f"missing: pip install 'palpate[{extra}]'")
-
-
-def _installed_version(distribution: str) -> str | None:
-    """Installed version of a distribution; None if it is missing."""
-    try:
-        return version(distribution)
-    except PackageNotFoundError:
-        return None
+    line = _library(distribution, f"planner {provider}", f"'palpate[{provider}]'")
+    if not line.good:
+        return line
+    has_key = bool(os.environ.get(key))
+    return DoctorLine(has_key, line.what, f"{key} is set" if has_key else f"set {key} to use it")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import asdict
 from pathlib import Path
 from tempfile import NamedTemporaryFile
 from typing import TYPE_CHECKING
@@ -19,6 +18,7 @@ from palpate.cli.console import (
     print_json,
     printing,
 )
+from palpate.common.display import to_json
 from palpate.common.errors import InputError
 from palpate.runs.report.console import SafeConsole
 
@@ -45,13 +45,9 @@ def show_calibration(done: Calibration, as_json: bool) -> None:
     """Print every figure before and after, and the path of the file."""
     with printing():
         if as_json:
-            print_json(
-                {
-                    "file": str(done.file),
-                    "robot_seconds": round(done.robot_seconds, 2),
-                    "figures": [asdict(found) for found in done.found],
-                }
-            )
+            seconds = round(done.robot_seconds, 2)
+            content = {"file": done.file, "robot_seconds": seconds, "figures": done.found}
+            print_json(to_json(content))
             return
         table = figure_table("figure", "before", "now", no_wrap=True)
         for found in done.found:

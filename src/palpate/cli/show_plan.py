@@ -28,13 +28,13 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
     """Print a plan: parameters, tree in the paper's notation, explanation, findings. Write it to a
     file as well.
     """
-    from palpate.runs.result import plan_text
+    from palpate.runs.result import finding_json, plan_text
 
     text = plan_text(plan.made)
     if file:
         file.write_text(redact(text), encoding="utf-8")
     if as_json:
-        print_json(json.loads(text) | {"findings": _findings_json(plan.findings)})
+        print_json(json.loads(text) | {"findings": list(map(finding_json, plan.findings))})
         return
     print_plan(plan, out)
     _print_findings(plan.findings)
@@ -86,7 +86,9 @@ def show_notes(plan: Plan, console: Console) -> None:
 
 def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
     """Print the findings of the check on a plan."""
-    found = _findings_json(findings)
+    from palpate.runs.result import finding_json
+
+    found = list(map(finding_json, findings))
     if as_json:
         print_json({"valid": not found, "findings": found})
     elif found:
@@ -98,11 +100,6 @@ def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
 def _print_findings(findings: Iterable[Finding]) -> None:
     for finding in findings:
         out.print(f"[yellow]{finding.rule}[/] {finding.path}: {escape(finding.message)}")
-
-
-def _findings_json(findings: Iterable[Finding]) -> list[dict[str, str]]:
-    """Findings as JSON."""
-    return [{"path": f.path, "rule": f.rule, "message": f.message} for f in findings]
 
 
 def show_prompt(settings: Settings, as_json: bool) -> None:

@@ -308,13 +308,13 @@ def _show_world(run: Run) -> None:
 
 
 def _show_files(run: Run) -> None:
-    from palpate.runs.tools import pictures
+    from palpate.runs.tools import gl_available
 
     if run.folder is None:  # of estimates in memory
         return
     out.print(f"[dim]run folder[/]  {run.folder}", soft_wrap=True)
     if (run.folder / "report.html").exists():
         out.print(f"[dim]report[/]      {run.folder / 'report.html'}", soft_wrap=True)
-    possible, remedy = pictures()
+    possible, remedy = gl_available()
     if not possible:
         out.prose(f"[dim]no pictures[/] {escape(remedy)}")

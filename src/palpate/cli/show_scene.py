@@ -4,21 +4,19 @@ from __future__ import annotations
 
 import shlex
 import sys
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from rich.text import Text
 
 from palpate.cli.console import escape, out, print_json
 from palpate.cli.show_layout import TableColumn, print_rows, show_next
+from palpate.common.display import to_json
 from palpate.runs.reproduce import running
 
 if TYPE_CHECKING:
     from palpate.mjcf.body import Body
-    from palpate.primitives.base import Primitive
     from palpate.runs.api import Scene
     from palpate.scene.scaffold import Scaffold
-    from palpate.studies.scenarios.catalogue import Scenario
 
 
 SCENARIOS = (
@@ -34,7 +32,17 @@ def show_scenarios(as_json: bool) -> None:
 
     found = scenarios().values()
     if as_json:
-        print_json([_scenario_json(scenario) for scenario in found])
+        listed = [
+            {
+                "name": scenario.name,
+                "title": scenario.title,
+                "request": scenario.request,
+                "planner": scenario.planner.split("/")[0],
+                "expects": [str(parameter) for parameter in scenario.expects],
+            }
+            for scenario in found
+        ]
+        print_json(listed)
         return
     rows: list[list[Text]] = []
     for scenario in found:
@@ -44,40 +52,25 @@ def show_scenarios(as_json: bool) -> None:
     out.print("\nRun one with [bold]palpate demo NAME[/].")
 
 
-def _scenario_json(scenario: Scenario) -> dict[str, Any]:
-    return {
-        "name": scenario.name,
-        "title": scenario.title,
-        "request": scenario.request,
-        "planner": scenario.planner.split("/")[0],
-        "expects": [str(parameter) for parameter in scenario.expects],
-    }
-
-
 def show_vocabulary(as_json: bool, btcpp: bool) -> None:
     """Print the vocabulary as text, as JSON schema, or as BT.CPP TreeNodesModel."""
     from palpate.runs.tools import plan_schema, tree_nodes_model, vocabulary
 
     if as_json:
-        print_json(plan_schema())
+        print_json(plan_schema(vocabulary()))
         return
     if btcpp:
-        sys.stdout.write(tree_nodes_model())
+        sys.stdout.write(tree_nodes_model(vocabulary()))
         return
     words = vocabulary()
     for name, primitive in words.primitives.items():
-        out.print(_primitive_text(name, primitive))
+        buffers = f" reads {primitive.reads}" if primitive.reads else ""
+        buffers += f" writes {primitive.writes}" if primitive.writes else ""
+        arguments, summary = ", ".join(primitive.model_fields), escape(primitive.summary())
+        out.print(f"→ [bold]{name}[/]({arguments})[dim]{buffers}[/]\n  {summary}")
     for composite in words.composites.values():
         symbol, summary = escape(composite.symbol), escape(composite.summary)
         out.print(f"{symbol} [bold]{composite.name}[/]\n  {summary}")
-
-
-def _primitive_text(name: str, primitive: type[Primitive]) -> str:
-    """Name, arguments, buffers and summary of a primitive."""
-    buffers = f" reads {primitive.reads}" if primitive.reads else ""
-    buffers += f" writes {primitive.writes}" if primitive.writes else ""
-    arguments = ", ".join(primitive.model_fields)
-    return f"→ [bold]{name}[/]({arguments})[dim]{buffers}[/]\n  {escape(primitive.summary())}"
 
 
 # Known and missing parameters of a scene, and the files of a new one.
@@ -94,14 +87,22 @@ GAP = (
 
 def show_gap(scene: Scene, as_json: bool) -> None:
     """Print known and missing parameters, body by body, with the next command."""
-    from palpate.runs.tools import units
-
     if as_json:
-        print_json(_gap_json(scene))
+        bodies = [
+            {
+                "name": body.name,
+                "role": body.role,
+                "missing": sorted(body.missing),
+                "assumed": sorted(body.assumed),
+                "known": body.known,
+            }
+            for body in scene.bodies.values()
+        ]
+        content = {"missing": scene.missing, "bodies": bodies, "remarks": scene.remarks}
+        print_json(to_json(content))
         return
     if scene.bodies:
-        of = units()
-        print_rows(GAP, [_body_cells(body, of) for body in scene.bodies.values()])
+        print_rows(GAP, [_body_cells(body, scene) for body in scene.bodies.values()])
     else:
         out.print(
             "no object and no surface: a body with a free joint is an object, a named body or"
@@ -113,35 +114,14 @@ def show_gap(scene: Scene, as_json: bool) -> None:
         show_next("measure what is missing", running(scene.given))
 
 
-def _gap_json(scene: Scene) -> dict[str, Any]:
-    missing: list[dict[str, str]] = []
-    for parameter in scene.missing:
-        missing.append({"object": parameter.object, "quantity": parameter.quantity})
-    return {
-        "missing": missing,
-        "bodies": [_body_json(body) for body in scene.bodies.values()],
-        "remarks": list(scene.remarks),
-    }
-
-
-def _body_json(body: Body) -> dict[str, Any]:
-    return {
-        "name": body.name,
-        "role": body.role,
-        "missing": sorted(body.missing),
-        "assumed": sorted(body.assumed),
-        "known": {quantity: list(values) for quantity, values in body.known.items()},
-    }
-
-
-def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
+def _body_cells(body: Body, scene: Scene) -> list[str]:
     # Known values with four digits and their unit.
     known: list[str] = []
     for quantity, values in body.known.items():
         words = [quantity, *(f"{value:.4g}" for value in values)]
-        unit = units.get(quantity, "1")
-        if unit != "1":
-            words.append(unit)
+        described = scene.catalogue.get(quantity)
+        if described is not None and described.unit != "1":
+            words.append(described.unit)
         known.append(" ".join(words))
     missing = "[green]nothing[/]"
     if body.missing:
@@ -158,8 +138,7 @@ def _body_cells(body: Body, units: Mapping[str, str]) -> list[str]:
 def show_scaffold(made: Scaffold, as_json: bool) -> None:
     """Print the files of a new scene, and the next steps."""
     if as_json:
-        files = {"scene": str(made.scene), "poses": str(made.poses)}
-        print_json(files | {"objects": list(made.objects)})
+        print_json(to_json(made))
         return
     scene = shlex.quote(str(made.scene))
     out.print(f"wrote {escape(str(made.scene))}", soft_wrap=True)

@@ -8,21 +8,25 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from pathlib import Path
-from typing import Any
 
 from palpate.common.errors import InputError, Unavailable
 from palpate.common.files import read_text, write_new, yaml_text
 from palpate.estimation.quantities.catalogue import catalogue
+from palpate.execution.btcpp import tree_nodes_model as tree_nodes_model
 from palpate.execution.cell import GuidedHand, Lesson
 from palpate.execution.cell_drivers import drivers
+from palpate.perception.renderer import gl_available as gl_available
 from palpate.planning.check.check import check
 from palpate.planning.check.finding import Finding
 from palpate.planning.model.prompt import Prompt, compose
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.plan import Node
 from palpate.planning.planner import in_words, named_parameters
-from palpate.planning.registry import load_proposal, plan_file, planners
-from palpate.primitives.registry import COMPOSITES, vocabulary
+from palpate.planning.registry import load_proposal, planners
+from palpate.planning.registry import plan_file as plan_file
+from palpate.primitives.registry import COMPOSITES
+from palpate.primitives.registry import plan_schema as plan_schema
+from palpate.primitives.registry import vocabulary as vocabulary
 from palpate.primitives.rules.collision_geometry import require_room
 from palpate.robots.owner import load_description, own_arm
 from palpate.runs import pipeline
@@ -31,27 +35,8 @@ from palpate.scene.load import load_scene
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
-from palpate.scene.scaffold import POSES, SCENE, Scaffold, new_scene, written
-
-__all__ = [
-    "check_file",
-    "examine_real_robot",
-    "examined_planner",
-    "guided_hand",
-    "lesson",
-    "new_scene",
-    "paper_notation",
-    "pictures",
-    "plan_schema",
-    "prompt",
-    "replay_planner_name",
-    "scene_from_picture",
-    "tree_nodes_model",
-    "units",
-    "vocabulary",
-    "write_excitation",
-    "write_poses",
-]
+from palpate.scene.scaffold import POSES, SCENE, Scaffold, written
+from palpate.scene.scaffold import new_scene as new_scene
 
 
 def examine_real_robot(
@@ -215,11 +200,6 @@ def prompt(settings: Settings) -> Prompt:
     )
 
 
-def replay_planner_name(plan: Path) -> str:
-    """Name of the planner that replays a plan file or the plan of a run folder."""
-    return f"replay:{plan_file(plan)}"
-
-
 def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
     """Format a tree in the paper's notation, one line a node: {-} Sequence, /_/ Parallel, →
     action."""
@@ -236,27 +216,6 @@ def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
 def units() -> dict[str, str]:
     """Unit of each quantity; `1` for dimensionless ones."""
     return {quantity.id: quantity.unit for quantity in catalogue().values()}
-
-
-def plan_schema() -> dict[str, Any]:
-    """The JSON schema of a plan."""
-    from palpate.primitives.registry import plan_schema as schema
-
-    return schema(vocabulary())
-
-
-def tree_nodes_model() -> str:
-    """The vocabulary as BT.CPP 4 TreeNodesModel."""
-    from palpate.execution.btcpp import tree_nodes_model as model
-
-    return model(vocabulary())
-
-
-def pictures() -> tuple[bool, str]:
-    """Test for a renderer; return its availability, and the backend or a remedy."""
-    from palpate.perception.renderer import gl_available
-
-    return gl_available()
 
 
 def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
