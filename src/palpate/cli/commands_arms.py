@@ -32,11 +32,11 @@ def calibrate(
     from palpate.cli.show_arms import show_calibration
     from palpate.cli.show_run import confirm_plan, live_view, show_plan_early, unless
     from palpate.runs.calibration.calibrate import calibrate as carry_out_calibration
-    from palpate.runs.callbacks import RunCallbacks, unheard
+    from palpate.runs.callbacks import RunCallbacks, ignore
 
     with live_view() as (observer, say):
         callbacks = RunCallbacks(
-            observer, say, unless(yes, confirm_plan), planned=unheard if yes else show_plan_early
+            observer, say, unless(yes, confirm_plan), planned=ignore if yes else show_plan_early
         )
         done = carry_out_calibration(settings_of(scene=scene, **given), wanted, out, callbacks)
     show_calibration(done, as_json)

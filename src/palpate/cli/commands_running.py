@@ -111,7 +111,7 @@ def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> 
         warn_of_drawn_truth,
     )
     from palpate.runs.api import run_settings
-    from palpate.runs.callbacks import RunCallbacks, refuse_proposal, unheard
+    from palpate.runs.callbacks import RunCallbacks, ignore, refuse
 
     with (
         interrupts() as signals,
@@ -121,8 +121,8 @@ def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> 
         # Questions go to the page if there is one, else to the terminal.
         warn_of_drawn_truth(asked)
         may_move = unless(yes, page.confirm if page else confirm_plan)
-        planned = page.planned if page else unheard if yes else show_plan_early
-        proposal = refuse_proposal if as_json else confirm_proposal
+        planned = page.planned if page else ignore if yes else show_plan_early
+        proposal = refuse if as_json else confirm_proposal
         # Run with the views and callbacks, then print the result.
         with live_view(page, pace(live, asked)) as (observer, say):
             values = ValuesFirst(as_json)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Generator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -18,7 +17,6 @@ from palpate.runs.settings import settings_of
 
 if TYPE_CHECKING:
     from palpate.studies.accuracy import Question
-    from palpate.studies.attempt import Conditions
     from palpate.studies.summary import Runs
     from palpate.studies.trials import TrialRecord
 
@@ -30,22 +28,7 @@ Tasks = Annotated[
         metavar="[SCENARIO]...", help="all | kinds (one of each kind) | names [bottle_and_table]"
     ),
 ]
-FIRST = ["bottle_and_table"]
-Planners = Annotated[
-    list[str],
-    typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
-]
 Trials = Annotated[int, typer.Option("--trials", min=1)]
-InFlight = Annotated[int, typer.Option("--workers", help="Requests in flight.", min=1, max=64)]
-Results = Annotated[
-    Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
-]
-Prompts = Annotated[
-    list[str] | None,
-    typer.Option(
-        "--prompt", metavar="full|lean", help="System prompt, by default full; may be repeated."
-    ),
-]
 ROUNDS = f"{MODEL}.rounds"
 OfTrials = Annotated[
     Given,
@@ -104,12 +87,63 @@ class SeedOptions:
             aside(f"page: {page}")
 
 
-def conditions(given: Given) -> Conditions:
-    """Make the conditions for the studies of planners."""
-    from palpate.studies.attempt import Conditions
+@dataclass(frozen=True)
+class TrialOptions:
+    """Planners of a study, their trials in parallel, and the file of its results."""
 
-    asked = settings_of(**given)
-    return Conditions(asked.images, asked.noise, asked.model_settings.check_values())
+    out: Annotated[
+        Path, typer.Option("--out", help="File the results are appended to; run again to go on.")
+    ]
+    planner: Annotated[
+        list[str],
+        typer.Option("--planner", help="Planner to study, e.g. openai:MODEL; may be repeated."),
+    ]
+    workers: Annotated[
+        int, typer.Option("--workers", help="Requests in flight.", min=1, max=64)
+    ] = 4
+    prompt: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--prompt",
+            metavar="full|lean",
+            help="System prompt, by default full; may be repeated.",
+        ),
+    ] = None
+
+    def show(
+        self,
+        study: Callable[..., Sequence[TrialRecord]],
+        published: Mapping[str, str],
+        names: list[str] | None,
+        trials: int,
+        given: Given,
+        as_json: bool,
+    ) -> None:
+        """Carry out a study of planners, write its page, and print its table next to the published
+        one."""
+        from palpate.cli.show_studies import show_trials
+        from palpate.studies.attempt import Conditions
+        from palpate.studies.planners_page import write_page
+
+        asked = settings_of(**given)
+        conditions = Conditions(asked.images, asked.noise, asked.model_settings.check_values())
+        prompts = self.prompt or ["full"]
+        try:
+            found = study(
+                names or ["bottle_and_table"],
+                self.planner,
+                self.out,
+                conditions,
+                trials,
+                in_flight=self.workers,
+                say=aside,
+                prompts=prompts,
+            )
+        finally:
+            # Also after an error: the page shows the finished trials.
+            if page := write_page(self.out):
+                aside(f"page: {page}")
+        show_trials(found, published, as_json)
 
 
 def accuracy(
@@ -166,15 +200,12 @@ def efficiency(
 def ablation(
     names: Tasks = None,
     *,
-    out: Results,
-    planner: Planners,
+    over: TrialOptions,
     trials: Trials = 10,
-    workers: InFlight = 4,
     configuration: Annotated[
         list[str] | None, typer.Option("--configuration", help="Default: all.")
     ] = None,
     shared: OfTrials,
-    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table II: ablation of the parts of the prompt.
@@ -183,29 +214,16 @@ def ablation(
     """
     from palpate.studies import ablation as studies
 
-    configurations = configuration or studies.CONFIGURATIONS
-    study = partial(studies.ablation, names or FIRST, planner, configurations=configurations)
-    _show_trials(
-        study,
-        studies.published_ablation(),
-        out=out,
-        trials=trials,
-        workers=workers,
-        shared=shared,
-        prompt=prompt,
-        as_json=as_json,
-    )
+    study = partial(studies.ablation, configurations=configuration or studies.CONFIGURATIONS)
+    over.show(study, studies.published_ablation(), names, trials, shared, as_json)
 
 
 def repeatability(
     names: Tasks = None,
     *,
-    out: Results,
-    planner: Planners,
+    over: TrialOptions,
     trials: Trials = 20,
-    workers: InFlight = 4,
     shared: OfTrials,
-    prompt: Prompts = None,
     as_json: AsJson = False,
 ) -> None:
     """The paper's table III: repeated trials of the same task.
@@ -214,51 +232,8 @@ def repeatability(
     """
     from palpate.studies import ablation as studies
 
-    study = partial(studies.repeatability, names or FIRST, planner)
     published = studies.published_repeatability()
-    _show_trials(
-        study,
-        published,
-        out=out,
-        trials=trials,
-        workers=workers,
-        shared=shared,
-        prompt=prompt,
-        as_json=as_json,
-    )
-
-
-def _show_trials(
-    study: Callable[..., Sequence[TrialRecord]],
-    published: Mapping[str, str],
-    *,
-    out: Path,
-    trials: int,
-    workers: int,
-    shared: Given,
-    prompt: list[str] | None,
-    as_json: bool,
-) -> None:
-    """Carry out a study of planners, write its page, and print its table next to the published
-    one."""
-    from palpate.cli.show_studies import show_trials
-
-    asked, prompts = conditions(shared), prompt or ["full"]
-    with _page_beside(out):
-        found = study(out, asked, trials, in_flight=workers, say=aside, prompts=prompts)
-    show_trials(found, published, as_json)
-
-
-@contextmanager
-def _page_beside(results: Path) -> Generator[None]:
-    """Write the page of trials into the folder of their file, also after an error."""
-    from palpate.studies.planners_page import write_page
-
-    try:
-        yield
-    finally:
-        if page := write_page(results):
-            aside(f"page: {page}")
+    over.show(studies.repeatability, published, names, trials, shared, as_json)
 
 
 app = typer.Typer(

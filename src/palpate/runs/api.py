@@ -22,7 +22,7 @@ from palpate.planning.planner import Planner
 from palpate.robots.noise_levels import DEFAULT_LEVEL
 from palpate.robots.owner import DEFAULT, own_arm
 from palpate.runs import pipeline
-from palpate.runs.callbacks import SILENT, Confirm, Progress, RunCallbacks, allow_motion, quiet
+from palpate.runs.callbacks import SILENT, Confirm, Progress, RunCallbacks, allow, ignore
 from palpate.runs.run import Run as InnerRun
 from palpate.runs.settings import Settings, settings_of
 from palpate.runs.stored import (
@@ -84,9 +84,9 @@ class Plan(InnerPlan):
         rehearse: bool | None = None,
         within: Widths | None = None,
         fast: bool = False,
-        confirm: Confirm = allow_motion,
+        confirm: Confirm = allow,
         observer: Observer | None = None,
-        progress: Progress = quiet,
+        progress: Progress = ignore,
         out: str | Path | None = None,
     ) -> Run:
         """Execute the plan, estimate, and build the twin.
@@ -376,7 +376,7 @@ def run(
     made = pipeline.prepare(
         asked,
         found,
-        RunCallbacks(progress=options.get("progress", quiet)),
+        RunCallbacks(progress=options.get("progress", ignore)),
         None if isinstance(planner, str) else planner,
         of_run["world"],
     )

@@ -24,27 +24,18 @@ Shown = Callable[["Run"], None]
 """Called with the grown run."""
 
 
-def quiet(_: str) -> None:
-    """Ignore the progress."""
+def ignore(_: object) -> None:
+    """Ignore a call that only shows."""
 
 
-def allow_motion(_: Run) -> bool:
-    """Allow every motion."""
+def allow(_: object) -> bool:
+    """Answer every question with yes."""
     return True
 
 
-def refuse_proposal(_: Run) -> bool:
-    """Refuse every proposal."""
+def refuse(_: object) -> bool:
+    """Answer every question with no."""
     return False
-
-
-def unheard(_: Run) -> None:
-    """Ignore the run until it is finished."""
-
-
-def accept_look(_: Seen) -> bool:
-    """Accept every look."""
-    return True
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,13 +56,13 @@ class RunCallbacks:
     """
 
     observer: Observer | None = None
-    progress: Progress = quiet
-    may_move: Confirm = allow_motion
-    may_measure: Confirm = refuse_proposal
+    progress: Progress = ignore
+    may_move: Confirm = allow
+    may_measure: Confirm = refuse
     may_resume: Resume = nobody
-    measured: Shown = unheard
-    planned: Shown = unheard
-    looked: Callable[[Seen], bool] = accept_look
+    measured: Shown = ignore
+    planned: Shown = ignore
+    looked: Callable[[Seen], bool] = allow
 
     def unfailing(self) -> RunCallbacks:
         """Return the same callbacks; those that only show ignore failures, e.g. of a closed

@@ -27,7 +27,7 @@ from palpate.estimation.logs.trace import Carrying
 from palpate.perception.look import Seen
 from palpate.robots.description import RobotDescription
 from palpate.robots.owner import DEFAULT, load_description
-from palpate.runs.callbacks import Progress, RunCallbacks, quiet
+from palpate.runs.callbacks import Progress, RunCallbacks, ignore
 from palpate.runs.recorded import LOAD, LogRequest, estimate_recording, pose_text
 from palpate.runs.settings import settings_of
 from palpate.runs.stored import Run, contents_of, known_keywords, run_of
@@ -51,7 +51,7 @@ def estimate(
     arm: str | Path = "fr3",
     robot_config: str | Path | None = None,
     columns: str | Path | None = None,
-    progress: Progress = quiet,
+    progress: Progress = ignore,
 ) -> Run:
     """Estimate mass, centre of mass and inertia of a load from a recording of any arm.
 

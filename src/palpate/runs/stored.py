@@ -16,7 +16,7 @@ from palpate.estimation.estimate import COLUMNS
 from palpate.planning.planner import Planner
 from palpate.runs import pipeline
 from palpate.runs.answer import answer
-from palpate.runs.callbacks import Progress, RunCallbacks, quiet
+from palpate.runs.callbacks import Progress, RunCallbacks, ignore
 from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.estimating import reestimate
 from palpate.runs.fuse import Fusion, fuse_runs
@@ -210,7 +210,7 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
 
 
-def finish(folder: str | Path, progress: Progress = quiet, film: bool = False) -> Run:
+def finish(folder: str | Path, progress: Progress = ignore, film: bool = False) -> Run:
     """Finish an interrupted run from its folder and write its report again.
 
     With `film`, a film of its trace is rendered as well.
