@@ -19,7 +19,6 @@ from palpate.runs.report.console import SafeConsole
 
 if TYPE_CHECKING:
     from palpate.common.processes import Interrupts
-    from palpate.estimation.estimate import Estimate
     from palpate.execution.runner import Observer
     from palpate.runs.callbacks import Confirm, Progress
     from palpate.runs.held_out import HeldOutMotion
@@ -104,14 +103,6 @@ def confirm_proposal(run: Run) -> bool:
     return ask_yes_no("Measure that?", default=True)
 
 
-def confirm_resuming(why: str) -> bool:
-    """Ask for permission to continue after a stop; without a terminal it is refused."""
-    if not sys.stdin.isatty():
-        return False
-    err.print(visible(why), markup=False)
-    return ask_yes_no("Have you seen what stopped it, and is the way clear? Let it go on?")
-
-
 def unless(yes: bool, ask: Confirm) -> Confirm:
     """Make a callback that asks for permission to move, unless it was given beforehand
     (`--yes`)."""
@@ -123,11 +114,17 @@ def unless(yes: bool, ask: Confirm) -> Confirm:
 
 
 def resuming(progress: Progress) -> Callable[[str], bool]:
-    """Make a callback that shows the stop of the robot and asks for permission to continue."""
+    """Make a callback that shows the stop of the robot and asks for permission to continue.
+
+    Without a terminal it is refused.
+    """
 
     def may_resume(why: str) -> bool:
         progress("the robot was stopped")
-        return confirm_resuming(why)
+        if not sys.stdin.isatty():
+            return False
+        err.print(visible(why), markup=False)
+        return ask_yes_no("Have you seen what stopped it, and is the way clear? Let it go on?")
 
     return may_resume
 
@@ -160,7 +157,11 @@ class ValuesFirst:
             return
         with printing():
             _show_values(run)
-            _explain_live(run)
+            # Explain the difference between live values and the table.
+            if run.trace_if_any is not None and run.trace_if_any.conversions:
+                out.prose(
+                    "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
+                )
         self.shown = True
 
 
@@ -191,43 +192,37 @@ def show_run(run: Run, as_json: bool, values_shown: bool = False) -> None:
         print_json(result_json(run, run.folder))
         return
     if run.status == "rejected":
-        _show_rejection(run)
+        out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
+        show_proposal(run)
+        for finding in run.findings:
+            place, message = escape(finding.path), escape(finding.message)
+            out.print(f"  [yellow]{finding.rule}[/] {place}: {message}")
     elif run.execution is None:
-        _show_nothing_missing(run)
+        # Print the part of the explanation that the notes do not repeat.
+        explanation = run.plan.explanation
+        for note in (*run.plan.notes, "Nothing is missing."):
+            explanation = explanation.replace(note, "")
+        out.print("[bold green]nothing is missing[/]", escape(explanation.strip()))
     elif not values_shown:
         _show_values(run)
     show_notes(run.plan, out)
     _show_files(run)
 
 
-def _show_nothing_missing(run: Run) -> None:
-    """Print that nothing is missing, and the part of the explanation that the notes do not
-    repeat."""
-    explanation = run.plan.explanation
-    for note in (*run.plan.notes, "Nothing is missing."):
-        explanation = explanation.replace(note, "")
-    out.print("[bold green]nothing is missing[/]", escape(explanation.strip()))
-
-
 def _show_values(run: Run) -> None:
     _show_estimates(run)
-    _show_setbacks(run)
-    _show_world(run)
-
-
-def _show_rejection(run: Run) -> None:
-    out.print("[bold yellow]no plan[/]", escape(run.plan.explanation))
-    show_proposal(run)
-    for finding in run.findings:
-        out.print(f"  [yellow]{finding.rule}[/] {escape(finding.path)}: {escape(finding.message)}")
-
-
-def _explain_live(run: Run) -> None:
-    """Explain the difference between live values and the table."""
-    if run.trace_if_any is not None and run.trace_if_any.conversions:
-        out.prose(
-            "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
-        )
+    # The end of the execution.
+    assert run.execution is not None
+    for setback in run.execution.setbacks:
+        out.prose(f"[yellow]went on after[/] {escape(setback)}")
+    if run.execution.stopped_by:
+        out.prose(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
+    # Values of a simulation, perhaps with a truth that was drawn at random.
+    if run.simulated and run.world is not None:
+        where = escape(run.world.removeprefix("simulated").strip())
+        out.prose(f"[bold yellow]simulated[/] {where}")
+    if run.drawn:
+        out.prose("[bold yellow]made up[/] no value above is of a real object")
 
 
 def _show_estimates(run: Run) -> None:
@@ -239,8 +234,13 @@ def _show_estimates(run: Run) -> None:
         out.print("[bold red]no estimates[/]: the run ended before any was made")
     if answered := answer(run):
         out.prose(f"[bold]answer[/] {escape(answered)}")
+    # Outcomes of requested widths.
     for estimate in run.estimates:
-        _show_precision(run, estimate)
+        precision = run.settings.within.precision(estimate)
+        if precision is not None:
+            colour = "yellow" if precision.outcome == "rounds used up" else "green"
+            name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
+            out.prose(f"[{colour}]{precision.outcome}[/] {name}: {said}")
     _show_held_out(run)
     for name, belief in run.beliefs.items():
         if belief.contradiction:
@@ -279,32 +279,6 @@ def _prediction(motion: HeldOutMotion) -> str:
         f"{motion.dof}, p {motion.p:.2g}); by the scene as given to "
         f"{significant(1e3 * motion.rms_template, 3)} mN·m"
     )
-
-
-def _show_precision(run: Run, estimate: Estimate) -> None:
-    """Print the outcome of a requested width."""
-    precision = run.settings.within.precision(estimate)
-    if precision is not None:
-        colour = "yellow" if precision.outcome == "rounds used up" else "green"
-        name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
-        out.prose(f"[{colour}]{precision.outcome}[/] {name}: {said}")
-
-
-def _show_setbacks(run: Run) -> None:
-    assert run.execution is not None
-    for setback in run.execution.setbacks:
-        out.prose(f"[yellow]went on after[/] {escape(setback)}")
-    if run.execution.stopped_by:
-        out.prose(f"[bold red]stopped[/] {escape(run.execution.stopped_by)}")
-
-
-def _show_world(run: Run) -> None:
-    """Print that the values come from a simulation, and if its truth was drawn at random."""
-    if run.simulated and run.world is not None:
-        where = escape(run.world.removeprefix("simulated").strip())
-        out.prose(f"[bold yellow]simulated[/] {where}")
-    if run.drawn:
-        out.prose("[bold yellow]made up[/] no value above is of a real object")
 
 
 def _show_files(run: Run) -> None:

@@ -117,7 +117,12 @@ def answer(run: Run) -> str | None:
         except InputError as error:
             return f"open: {error}"
         less = word in LESS if bound["than"] == "than" else bound["than"] in BELOW
-        return "; ".join(_against(side, amount, less, asked, unit) for side in sides)
+        # A negated question gets no yes or no.
+        has_subject, said = NEGATIONS.isdisjoint(asked), list[str]()
+        for side in sides:
+            pair = sorted((side, amount), key=lambda each: each.value, reverse=not less)
+            said.append(_word_answer(*pair, side.name if has_subject else None, unit))
+        return "; ".join(said)
     if len(sides) < 2:
         return (
             f"open: no other {quantity} was measured than that of {estimates[0].parameter.object}"
@@ -128,12 +133,6 @@ def answer(run: Run) -> str | None:
         return _word_answer(sides[0], sides[1], _subject(sides, asked), unit)
     # Equality of two values cannot be shown: they differ, or the question stays open.
     return _word_answer(sides[0], sides[-1], "", unit, tails=2)
-
-
-def _against(side: _Side, amount: _Side, less: bool, asked: Sequence[str], unit: str) -> str:
-    """Compare a side with an amount; a negated question gets no yes or no."""
-    first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
-    return _word_answer(first, second, side.name if NEGATIONS.isdisjoint(asked) else None, unit)
 
 
 def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from palpate.common.errors import InputError, Unavailable
-from palpate.common.pose import Array, Pose
+from palpate.common.pose import Pose
 from palpate.estimation.quantities.within import Within
 from palpate.execution.cell import Cell
 from palpate.execution.recovery import OnFailure
@@ -87,7 +87,9 @@ def iter_displacements(state: SymbolicState, seen: Seen) -> Iterator[str]:
         # Allow the nearer of the believed and the first seen position; test along the displacement.
         ways = [(pose.position - place.position)[:2] for place in _places(state, name)]
         off = min(ways, key=lambda way: float(way @ way))
-        far, most = float(np.linalg.norm(off)), MOVED + SURE * _std_along(spread, off)
+        far = float(np.linalg.norm(off))
+        along = float(np.sqrt(off @ spread @ off)) / far if far > 0.0 else 0.0
+        most = MOVED + SURE * along
         if far > most:
             x, y, z = pose.position
             yield (
@@ -173,12 +175,6 @@ def _or_none(look: Callable[[], Seen]) -> Seen | None:
         return look()
     except InputError:
         return None
-
-
-def _std_along(covariance: Array, way: Array) -> float:
-    """Standard deviation along the direction `way` (2,), m; 0 for a zero vector."""
-    length = float(np.linalg.norm(way))
-    return float(np.sqrt(way @ covariance @ way)) / length if length > 0.0 else 0.0
 
 
 def _is_away(state: SymbolicState) -> bool:
@@ -281,7 +277,9 @@ def perform(
     try:
         # Execute, recover from failures by the policy, then repeat measurements that are too
         # uncertain.
-        first = attempt(plan, scene, robot, settled=watch_state(settled, see))
+        first = attempt(
+            plan, scene, robot, settled=settled if see is None else CameraWatch(settled, see)
+        )
         done = recover(
             first,
             plan,

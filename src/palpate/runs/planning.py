@@ -85,7 +85,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
             builder,
             settings.within,
             measure,
-            rehearse=None if settings.rehearse is False else _rehearsal_finding,
+            rehearse=None if settings.rehearse is False else finding_of_rehearsal,
         )
         planner = planners().make(settings.planner, asked)
 
@@ -126,7 +126,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     )
 
 
-def _rehearsal_finding(plan: Plan, scene: Scene) -> Finding | None:
+def finding_of_rehearsal(plan: Plan, scene: Scene) -> Finding | None:
     """Rehearse a plan and return its finding, for a planner that corrects its plan."""
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 

@@ -117,15 +117,10 @@ def _option(name: str, flag: str, value: Any, start: Path | None) -> Iterator[st
             yield from _option(name, flag, part, start)
     elif isinstance(value, Path):
         yield from (flag, _path(value, start))
-    elif name == "planner":
-        yield from (flag, _planner(value, start))
+    elif name == "planner" and value.startswith("replay:"):
+        yield from (flag, f"replay:{_path(Path(value.removeprefix('replay:')), start)}")
     else:
         yield from (flag, str(value))
-
-
-def _planner(planner: str, start: Path | None) -> str:
-    kind, colon, file = planner.partition(":")
-    return kind + colon + _path(Path(file), start) if kind == "replay" else planner
 
 
 def _path(file: Path, start: Path | None) -> str:

@@ -65,6 +65,12 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
     """Content of `result.json`, which `--json` also prints."""
     from palpate.robots.simulated.noise.models import noise_models
 
+    parameters: list[dict[str, Any]] = []
+    for estimate in run.estimates:
+        precision = run.settings.within.precision(estimate)
+        within = asdict(precision) | {"outcome": precision.outcome} if precision else None
+        true = shape_value(run.truth.get(estimate.parameter))
+        parameters.append(parameter_json(estimate) | {"within": within, "true_value": true})
     content = {
         "status": run.status,
         "stage": run.stage,
@@ -75,7 +81,7 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         "request": run.settings.request,
         "answer": answer(run),
         **proposal_json(run.plan),
-        "parameters": [_parameter_json(run, estimate) for estimate in run.estimates],
+        "parameters": parameters,
         "poses": [belief_json(name, belief) for name, belief in run.beliefs.items()],
         "plan": _plan_json(run),
         "rehearsal": run.rehearsal.figures() if run.rehearsal else None,
@@ -126,13 +132,6 @@ def plan_text(run: Run) -> str:
     if run.conversation is not None:
         more |= run.conversation.summary()
     return dump_plan(run.plan, more)
-
-
-def _parameter_json(run: Run, estimate: Estimate) -> dict[str, Any]:
-    precision = run.settings.within.precision(estimate)
-    within = asdict(precision) | {"outcome": precision.outcome} if precision else None
-    true = run.truth.get(estimate.parameter, ())
-    return parameter_json(estimate) | {"within": within, "true_value": shape_value(true)}
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:

@@ -205,7 +205,8 @@ class Settings:
 
         # Convert each field by its own adapter; the object is frozen.
         for name, adapter in _adapters().items():
-            given = FORMS.get(name, _as_given)(getattr(self, name))
+            given = getattr(self, name)
+            given = FORMS[name](given) if name in FORMS else given
             try:
                 object.__setattr__(self, name, adapter.validate_python(given))
             except ValidationError as error:
@@ -318,10 +319,6 @@ def _adapters() -> Mapping[str, TypeAdapter[Any]]:
 
     hints = get_type_hints(Settings, include_extras=True)
     return {one.name: TypeAdapter[Any](hints[one.name]) for one in fields(Settings)}
-
-
-def _as_given(value: Any) -> Any:
-    return value
 
 
 def _check_request(request: str) -> None:

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from palpate.common.pose import Array
 from palpate.estimation.motion import tip_height
 from palpate.trace.recording import LeafRun, Recording
-from palpate.trace.samples import Samples, Trace
+from palpate.trace.samples import Trace
 
 Figure = dict[str, Any]
 
@@ -49,10 +49,19 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
     if len(trace.samples):
         times += trace.samples.t[[0, -1]].tolist()
     start, end = (min(times), max(times)) if times else (0.0, 1.0)
+    # The force by component, and its magnitude.
+    t, force = trace.samples.t, trace.samples.wrench[:, :3]
+    signals = (*force.T, np.linalg.norm(force, axis=1))
+    names = ("F<sub>x</sub>", "F<sub>y</sub>", "F<sub>z</sub>", "|F|")
+    forces = [
+        time_series(name, t, signal, colour)
+        for name, signal, colour in zip(names, signals, (X, Y, Z, NORM), strict=True)
+    ]
+    forces[-1]["opacity"] = 0.75
     return {
         # Four groups of traces, on three vertical axes.
         "data": [
-            *force_traces(trace.samples),
+            *forces,
             *height_traces(trace),
             *contact_traces(trace),
             leaf_bars(trace.leaves, groups),
@@ -131,16 +140,6 @@ def time_series(name: str, t: Array, y: Array, colour: str, axis: str = "y", **m
 def pack_array(values: NDArray[Any]) -> dict[str, str]:
     """Plotly's typed array, as binary float32."""
     return {"dtype": "f4", "bdata": base64.b64encode(values.astype("<f4").tobytes()).decode()}
-
-
-def force_traces(samples: Samples) -> list[Figure]:
-    force = samples.wrench[:, :3]
-    return [
-        time_series("F<sub>x</sub>", samples.t, force[:, 0], X),
-        time_series("F<sub>y</sub>", samples.t, force[:, 1], Y),
-        time_series("F<sub>z</sub>", samples.t, force[:, 2], Z),
-        time_series("|F|", samples.t, np.linalg.norm(force, axis=1), NORM, opacity=0.75),
-    ]
 
 
 def height_traces(trace: Trace) -> list[Figure]:
