@@ -6,15 +6,18 @@ import os
 import platform
 from collections.abc import Callable, Iterable
 from importlib.metadata import PackageNotFoundError, version
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from rich.markup import escape
 from rich.table import Table
 
 from palpate.cli.console import out
 from palpate.common.version import __version__
-from palpate.planning.model.settings import ModelSettings
-from palpate.runs.settings import Settings
+
+if TYPE_CHECKING:
+    from palpate.planning.model.settings import ModelSettings
+    from palpate.runs.settings import Settings
+
 
 CORE = (
     "mujoco",

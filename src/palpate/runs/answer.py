@@ -120,8 +120,8 @@ def answer(run: Run) -> str | None:
         # A negated question gets no yes or no.
         has_subject, said = NEGATIONS.isdisjoint(asked), list[str]()
         for side in sides:
-            pair = sorted((side, amount), key=lambda each: each.value, reverse=not less)
-            said.append(_word_answer(*pair, side.name if has_subject else None, unit))
+            first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
+            said.append(_word_answer(first, second, side.name if has_subject else None, unit))
         return "; ".join(said)
     if len(sides) < 2:
         return (

@@ -3,7 +3,7 @@ values."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
@@ -287,15 +287,17 @@ def parameter_groups(run: Run) -> dict[str, list[ParameterText]]:
     found = {stated_as(one.parameter): one for one in run.estimates if one.verdict in IN_TWIN}
     groups: dict[str, list[ParameterText]] = {}
     for name, body in run.scene.bodies.items():
-        rows: list[tuple[State, str, tuple[float, ...]]] = []
-        rows += [("missing", id, ()) for id in sorted(body.missing)]
-        rows += [("known", id, value) for id, value in body.known.items()]
-        rows += [("assumed", id, ()) for id in sorted(body.assumed)]
-        for state, id, value in rows:
-            parameter = Parameter(name, id)
-            text = value_text(id, state, value, found.get(parameter))
-            row = ParameterText(quantity_label(id), state, text, parameter in asked)
-            groups.setdefault(name, []).append(row)
+        states: dict[State, Mapping[str, tuple[float, ...]]] = {
+            "missing": dict.fromkeys(sorted(body.missing), ()),
+            "known": body.known,
+            "assumed": dict.fromkeys(sorted(body.assumed), ()),
+        }
+        for state, values in states.items():
+            for id, value in values.items():
+                parameter = Parameter(name, id)
+                text = value_text(id, state, value, found.get(parameter))
+                row = ParameterText(quantity_label(id), state, text, parameter in asked)
+                groups.setdefault(name, []).append(row)
     return groups
 
 
