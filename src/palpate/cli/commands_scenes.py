@@ -21,8 +21,8 @@ from palpate.cli.options import (
 )
 from palpate.runs.settings import settings_of
 
+# Request to a model that detects a scene.
 EVERYTHING_SEEN = "I want to simulate everything in this picture. What does each thing weigh?"
-"""Request to a model that detects a scene."""
 
 
 def scenarios(as_json: AsJson = False) -> None:

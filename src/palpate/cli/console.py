@@ -26,8 +26,8 @@ from palpate.common.redaction import redact
 from palpate.runs.report.console import LIVE_LOGGER, SafeConsole
 from palpate.runs.settings import Settings
 
+# Exit status of a run, by its status.
 EXIT = {"complete": 0, "failed": 1, "rejected": 3, "aborted": 4, "running": 4}
-"""Exit status of a run, by its status."""
 
 ERRORS: dict[type[PalpateError], int] = {
     InputError: 2,
@@ -120,8 +120,7 @@ class Ticker:
     """Progress line on stderr: rewritten in place on a terminal, else a new line from time to
     time."""
 
-    EVERY = 30.0
-    """s: interval of lines that are not rewritten."""
+    EVERY = 30.0  # s: interval of lines that are not rewritten
 
     def __init__(self) -> None:
         self._told = -math.inf

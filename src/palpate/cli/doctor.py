@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from palpate.runs.settings import Settings
 
 
+# Required distributions.
 CORE = (
     "mujoco",
     "mink",
@@ -30,20 +31,19 @@ CORE = (
     "mcap",
     "imageio-ffmpeg",
 )
-"""Required distributions."""
 
+# Providers of models: the distribution of the client, and the environment variable of the key.
 PROVIDERS = {
     "openai": ("openai", "OPENAI_API_KEY"),
     "google": ("google-genai", "GOOGLE_API_KEY"),
     "anthropic": ("anthropic", "ANTHROPIC_API_KEY"),
 }
-"""Providers of models: the distribution of the client, and the environment variable of the key."""
 
+# Optional packages: purpose and distribution.
 EXTRAS = {
     "live": ("page for --live", "viser"),
     "export": ("export to USD", "mujoco-usd-converter"),
 }
-"""Optional packages: purpose and distribution."""
 
 
 class DoctorLine(NamedTuple):

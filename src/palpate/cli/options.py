@@ -14,8 +14,7 @@ from palpate.common.errors import InputError
 from palpate.common.extensions import Declared, iter_options
 from palpate.runs.settings import Settings
 
-Given = dict[str, Any]
-"""Fields of `Settings` given to a command, nested as in the settings."""
+Given = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
 
 SCENE = ("poses", "root", "robot_body", "arm")
 MOTION = (
@@ -32,8 +31,7 @@ MOTION = (
     "fast",
 )
 PLANNER = ("planner", "remeasure", "within")
-MODEL = "model_settings"
-"""All options of a model as planner."""
+MODEL = "model_settings"  # All options of a model as planner
 
 SceneArgument = Annotated[
     Path | None, typer.Argument(metavar="[SCENE]", help="Your MJCF, as --scene.")
@@ -62,15 +60,12 @@ _DECLARED = tuple(iter_options(Settings))
 class FromSettings:
     """Annotation of a command's parameter: the command takes these fields of the settings as
     options.
-
-    Attributes:
-        names: fields, with a dot before those of a nested one, `model_settings.base_url`; the name
-            of a nested one alone includes all of its options.
-        defaults: values of fields that differ from those in the settings.
     """
 
+    # Fields, with a dot before those of a nested one, `model_settings.base_url`; the name of a
+    # nested one alone includes all of its options.
     names: tuple[str, ...]
-    defaults: Mapping[str, Any]
+    defaults: Mapping[str, Any]  # values of fields that differ from those in the settings
 
     def parameters(self) -> Iterator[Parameter]:
         """Parameters from which typer makes the options."""

@@ -32,13 +32,13 @@ if TYPE_CHECKING:
     from palpate.runs.recordings import ArmDynamics, ArmNoise
 
 
+# Display of a figure by its SI unit: factor, unit shown, decimals.
 SHOWN = {
     "1": (100.0, "%", 3),
     "m": (1e3, "mm", 3),
     "rad": (1e3, "mrad", 2),
     "m/N": (1e6, "µm/N", 1),
 }
-"""Display of a figure by its SI unit: factor, unit shown, decimals."""
 
 
 def show_calibration(done: Calibration, as_json: bool) -> None:
@@ -150,6 +150,7 @@ def _figure_cell(figure: JointFigure, joint: int) -> str:
 # Noise of an arm compared with the noise models, as a table or as JSON.
 
 
+# Heading of each figure, and the factor to its unit.
 TITLES = {
     "white": ("white noise of a sample at rest, N m", 1.0),
     "quantisation": ("step of a sample, N m", 1.0),
@@ -166,7 +167,6 @@ TITLES = {
     "shaking_left": ("torque from 8 to 30 Hz less M ddq, N m rms", 1.0),
     "drift": ("drift, N m/min", 1.0),
 }
-"""Heading of each figure, and the factor to its unit."""
 LABEL, CELL = 14, 9
 NO_FIGURE = "–"
 

@@ -15,29 +15,21 @@ from rich.text import Text
 from palpate.cli.console import escape, out
 from palpate.runs.report.console import SafeConsole
 
-NARROWEST = 14
-"""Characters: least width of a column of words. Below it the table becomes a list."""
-UNLIMITED = 10_000
-"""Characters of a line in a pipe or a file."""
+NARROWEST = 14  # Characters: least width of a column of words. Below it the table becomes a list.
+UNLIMITED = 10_000  # Characters of a line in a pipe or a file
 
 Cell = str | Text
 
 
 @dataclass(frozen=True, slots=True)
 class TableColumn:
-    """Column of a table.
+    """Column of a table."""
 
-    Attributes:
-        heading: its name.
-        words: its cells may be broken between words; figures, names and verdicts never are.
-        right: aligned to the right, digits below each other.
-        style: of rich.
-    """
-
-    heading: str
+    heading: str  # its name
+    # Its cells may be broken between words; figures, names and verdicts never are.
     words: bool = False
-    right: bool = False
-    style: str = ""
+    right: bool = False  # aligned to the right, digits below each other
+    style: str = ""  # of rich
 
 
 def width() -> int:

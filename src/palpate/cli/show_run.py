@@ -28,8 +28,7 @@ if TYPE_CHECKING:
     from palpate.runs.settings import Settings
 
 
-MANY_MOTIONS = 4
-"""Count of agreeing motions above which one line summarizes them."""
+MANY_MOTIONS = 4  # Count of agreeing motions above which one line summarizes them
 
 
 @contextmanager

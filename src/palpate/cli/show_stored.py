@@ -28,8 +28,8 @@ COLUMNS = (
     TableColumn("95 % interval"),
     TableColumn("verdict"),
 )
+# Colours of verdicts. All others are red.
 STYLES = {"identified": "green", "prior-dominated": "yellow"}
-"""Colours of verdicts. All others are red."""
 
 
 def show_estimates(
@@ -107,8 +107,8 @@ COMPARED = (
     TableColumn("in stds", right=True),
     VERDICT,
 )
+# Standard deviations: chance exceeds it in 5 % of differences. Larger ones are highlighted.
 FAR = 1.96
-"""Standard deviations: chance exceeds it in 5 % of differences. Larger ones are highlighted."""
 
 
 def show_comparison(comparison: Comparison, as_json: bool) -> None:

@@ -21,8 +21,7 @@ from palpate.studies.summary import Summary, summarise
 from palpate.studies.trials import ConfigurationRow, TrialRecord, by_scenario, table
 
 SUMMARY = ("parameter", "truth", "bias", "SD", "stated", "1-shot", "in 95 %", "known")
-SUMMARY_WIDTH = 80
-"""Characters of the narrowest table."""
+SUMMARY_WIDTH = 80  # Characters of the narrowest table
 EFFORT = (
     TableColumn("scenario"),
     TableColumn("exhaustive", right=True),

@@ -30,6 +30,7 @@ Tasks = Annotated[
 ]
 Trials = Annotated[int, typer.Option("--trials", min=1)]
 ROUNDS = f"{MODEL}.rounds"
+# Options of all trials in a study of planners. The paper has no rounds of feedback.
 OfTrials = Annotated[
     Given,
     settings(
@@ -38,7 +39,6 @@ OfTrials = Annotated[
         defaults={ROUNDS: 0},
     ),
 ]
-"""Options of all trials in a study of planners. The paper has no rounds of feedback."""
 
 
 @dataclass(frozen=True)

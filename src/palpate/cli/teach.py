@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
 
 LENGTH = {"": 1.0, "m": 1.0, "cm": 1e-2, "mm": 1e-3}
-FARTHEST = 5.0
-"""m: largest distance from the arm's base. Beyond it a unit is missing or wrong."""
+FARTHEST = 5.0  # m: largest distance from the arm's base. Beyond it a unit is missing or wrong.
 _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 

@@ -18,41 +18,29 @@ import numpy as np
 
 from palpate.common.pose import Array, Pose
 
+# Means of a touch: a guarded motion meets an object, or the fingers close on it.
 Means = Literal["probe", "fingers"]
-"""Means of a touch: a guarded motion meets an object, or the fingers close on it."""
+# Standard deviations of a believed pose. A larger deviation of a touch contradicts the pose;
+# motions and fingers leave this margin.
 SURE = 3.0
-"""Standard deviations of a believed pose. A larger deviation of a touch contradicts the pose; motions and
-fingers leave this margin.
-"""
+# m (1 sigma): error of a touch as a run measures it before any fit. It covers the arm's position,
+# the length of its tips, and the deformation under the press.
 ERROR = 1e-3
-"""m (1 sigma): error of a touch as a run measures it before any fit. It covers the arm's position, the length
-of its tips, and the deformation under the press.
-"""
+# m (1 sigma), horizontal: lag in the pads of an object that is dragged along its support. It was up
+# to 5 mm in simulation.
 SLIPS = 3e-3
-"""m (1 sigma), horizontal: lag in the pads of an object that is dragged along its support. It was up to 5 mm
-in simulation.
-"""
 
 
 @dataclass(frozen=True, slots=True)
 class BeliefTouch:
-    """A touch of an object.
+    """A touch of an object."""
 
-    Attributes:
-        means: means of the touch.
-        along: (3,) unit direction, world.
-        point: (3,) m, world, contact point.
-        apart: m along `along` from the believed to the measured contact.
-        std: m, of the touch alone.
-        believed_std: m, of the previous belief, along `along`.
-    """
-
-    means: Means
-    along: tuple[float, float, float]
-    point: tuple[float, float, float]
-    apart: float
-    std: float
-    believed_std: float
+    means: Means  # means of the touch
+    along: tuple[float, float, float]  # (3,) unit direction, world
+    point: tuple[float, float, float]  # (3,) m, world, contact point
+    apart: float  # m along `along` from the believed to the measured contact
+    std: float  # m, of the touch alone
+    believed_std: float  # m, of the previous belief, along `along`
 
     @property
     def z(self) -> float:
@@ -77,21 +65,17 @@ class BeliefTouch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Belief:
-    """Belief in the pose of an object.
+    """Belief in the pose of an object."""
 
-    Attributes:
-        seen, seen_covariance: pose of its frame in the world before any touch, with its covariance (6, 6).
-        placed: pose, by sight and touch, before any motion pushed or carried the object.
-        pose, covariance: present pose, along the world's axes.
-        touches: in order.
-    """
-
+    # seen, seen_covariance: pose of its frame in the world before any touch, with its covariance
+    # (6, 6).
     seen: Pose
     seen_covariance: Array
-    placed: Pose
+    placed: Pose  # pose, by sight and touch, before any motion pushed or carried the object
+    # pose, covariance: present pose, along the world's axes.
     pose: Pose
     covariance: Array
-    touches: tuple[BeliefTouch, ...] = ()
+    touches: tuple[BeliefTouch, ...] = ()  # in order
 
     @classmethod
     def of(cls, pose: Pose, covariance: Array) -> Belief:

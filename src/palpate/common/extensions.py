@@ -25,8 +25,7 @@ T = TypeVar("T")
 class Registry(Mapping[str, T]):
     """Parts by name: palpate's own first, then those of other packages. The first part of a name stays."""
 
-    kind: ClassVar[str]
-    """Word for a part in messages."""
+    kind: ClassVar[str]  # Word for a part in messages
 
     def __init__(self, parts: Mapping[str, T] | Iterator[tuple[str, T]]) -> None:
         self._parts: dict[str, T] = {}
@@ -109,24 +108,16 @@ def _load_entry(entry: EntryPoint) -> ModuleType:
 
 @dataclass(frozen=True, slots=True)
 class Option:
-    """Annotation of a settings field that is also a command-line option.
+    """Annotation of a settings field that is also a command-line option."""
 
-    Attributes:
-        help: one sentence; the command's help and the documentation show it.
-        metavar: placeholder of the value; None for a switch.
-        panel: heading under which the help lists it.
-        flags: spelling; by default the field's name, `--robot-config`.
-        low, high: bounds of a number.
-        choices: values that a shell completes.
-    """
-
-    help: str
-    metavar: str | None = None
-    panel: str | None = None
-    flags: tuple[str, ...] = ()
+    help: str  # one sentence; the command's help and the documentation show it
+    metavar: str | None = None  # placeholder of the value; None for a switch
+    panel: str | None = None  # heading under which the help lists it
+    flags: tuple[str, ...] = ()  # spelling; by default the field's name, `--robot-config`
+    # low, high: bounds of a number.
     low: float | None = None
     high: float | None = None
-    choices: tuple[str, ...] = ()
+    choices: tuple[str, ...] = ()  # values that a shell completes
 
 
 class Declared(NamedTuple):

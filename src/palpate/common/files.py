@@ -24,8 +24,8 @@ _KINDS = (
     (stat.S_ISBLK, "a device"),
 )
 
+# Additional flags of O_RDONLY; not every system has all of them.
 _FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")})
-"""Additional flags of O_RDONLY; not every system has all of them."""
 
 
 def require_regular(path: Path, limit: int, what: str) -> None:
@@ -132,8 +132,7 @@ try:  # libyaml's parser is ten times as fast as the one in Python
 except ImportError:
     from yaml import SafeLoader as Loader
 
-MAX_DEPTH = 10
-"""Deepest nesting of lists and mappings."""
+MAX_DEPTH = 10  # Deepest nesting of lists and mappings
 
 _OPENING = (
     yaml.BlockMappingStartToken,

@@ -11,10 +11,10 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose
 
+# Number of directions in which outlines are sampled; round shapes are accurate to 0.1 %.
 _CORNERS = 72
-"""Number of directions in which outlines are sampled; round shapes are accurate to 0.1 %."""
+# Share of the squared size: a corner that adds less to a hull's area lies on a side of the hull.
 _STRAIGHT = 1e-12
-"""Share of the squared size: a corner that adds less to a hull's area lies on a side of the hull."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -199,14 +199,12 @@ def _cross(a: Array, b: Array) -> Array:
 # Resting pose of a body on a level plane, from a pose in which it is not stable.
 
 
-TOUCHING = 1e-4
-"""m above the plane, up to which a point counts as touching."""
+TOUCHING = 1e-4  # m above the plane, up to which a point counts as touching
+# m by which a centre of mass may be outside its support polygon: round bodies are polygons here.
 STEADY = 5e-4
-"""m by which a centre of mass may be outside its support polygon: round bodies are polygons here."""
+# rad: a body that would turn by more does not rest on that plane alone, or will be held.
 MOST = np.radians(5.0)
-"""rad: a body that would turn by more does not rest on that plane alone, or will be held."""
-TIPS = 8
-"""Largest number of edges over which a body tips in sequence."""
+TIPS = 8  # Largest number of edges over which a body tips in sequence
 
 
 def tip_to_rest(points: Array, centre: Array) -> Pose:

@@ -48,8 +48,8 @@ class ByParameter(Generic[T]):
     """
 
     __slots__ = ()
+    # Predicate for a name without an entry, before the list of names with one.
     _ABSENT: ClassVar[str] = "is in none of the runs; there is"
-    """Predicate for a name without an entry, before the list of names with one."""
 
     def _entries(self) -> Mapping[Parameter, T]:
         raise NotImplementedError

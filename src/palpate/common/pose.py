@@ -16,14 +16,12 @@ from palpate.common.errors import InputError
 
 Array = NDArray[np.float64]
 
+# m: largest distance between the stations of a line at which a plan is checked. It is less than the
+# width of the fingers' pads, so that the swept volumes of neighbouring stations overlap.
 SPACING = 0.02
-"""m: largest distance between the stations of a line at which a plan is checked. It is less than the width of
-the fingers' pads, so that the swept volumes of neighbouring stations overlap.
-"""
-ROUNDING = 1e-9
-"""m: tolerance of positions on a line."""
+ROUNDING = 1e-9  # m: tolerance of positions on a line
+# Factors of a unit quaternion (w, x, y, z) that make its inverse.
 CONJUGATE: Array = np.array([1.0, -1.0, -1.0, -1.0])
-"""Factors of a unit quaternion (w, x, y, z) that make its inverse."""
 
 
 def digits(values: Array) -> bytes:
@@ -149,20 +147,14 @@ def components(tensor: Array) -> list[float]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PoseLine:
-    """Poses that differ only in their position on a line segment; a run finds the best of them.
+    """Poses that differ only in their position on a line segment; a run finds the best of them."""
 
-    Attributes:
-        pose: pose_world_tcp at 0.
-        along: (3,) level unit vector in the world.
-        least, most: m along it, the ends of the segment.
-        believed: m along it, the assumed position before a measurement.
-    """
-
-    pose: Pose
-    along: Array
+    pose: Pose  # pose_world_tcp at 0
+    along: Array  # (3,) level unit vector in the world
+    # least, most: m along it, the ends of the segment.
     least: float
     most: float
-    believed: float
+    believed: float  # m along it, the assumed position before a measurement
 
     @classmethod
     def through(cls, pose: Pose, half: Array, point: Array) -> PoseLine:
@@ -239,24 +231,17 @@ class Frames:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Joint:
-    """A slide or hinge joint in the world.
-
-    Attributes:
-        axis: (3,) unit, world; a hinge turns counterclockwise about it.
-        anchor: (3,) m, a point on the axis of a hinge.
-        low, high: limits, m or rad; infinite where there are none.
-        position: position in the scene, m or rad.
-        spring: position at which its spring is relaxed, m or rad.
-        open: True for its lower, and its upper limit, if the file leaves it open: it is a belief then.
-    """
+    """A slide or hinge joint in the world."""
 
     kind: Literal["slide", "hinge"]
-    axis: Array
-    anchor: Array
+    axis: Array  # (3,) unit, world; a hinge turns counterclockwise about it
+    anchor: Array  # (3,) m, a point on the axis of a hinge
+    # low, high: limits, m or rad; infinite where there are none.
     low: float
     high: float
-    position: float
-    spring: float
+    position: float  # position in the scene, m or rad
+    spring: float  # position at which its spring is relaxed, m or rad
+    # True for its lower, and its upper limit, if the file leaves it open: it is a belief then.
     open: tuple[bool, bool] = (False, False)
 
     @property

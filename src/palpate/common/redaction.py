@@ -19,11 +19,9 @@ T = TypeVar("T")
 
 BLOT = "[key]"
 
-SHORTEST = 6
-"""Minimum length of a key; shorter values are placeholders such as `none`."""
+SHORTEST = 6  # Minimum length of a key; shorter values are placeholders such as `none`
 
-STRETCH = 12
-"""Length of a part of a key that is redacted; shorter keys are redacted as a whole."""
+STRETCH = 12  # Length of a part of a key that is redacted; shorter keys are redacted as a whole
 
 _KEY_NAME = re.compile(r".*_API_KEY$")
 # Patterns that begin with letters are found at the speed of a text search.
@@ -32,16 +30,15 @@ _KEY_LIKE = (
     re.compile(r"sk-(?<=\bsk-)[\w-]{12,}"),
     re.compile(r"AIza(?<=\bAIza)[\w-]{20,}"),
 )
-_CREDENTIALS = re.compile(r"://[^\s/@\"'<>]+@")
-"""User and password in a URL."""
+_CREDENTIALS = re.compile(r"://[^\s/@\"'<>]+@")  # User and password in a URL
+# A key in the query of a URL.
 _QUERY = re.compile(
     r"([?&;](?:[\w-]*(?:key|token|secret|passw(?:or)?d|signature)|auth|sig|pwd)=)[^&;#\s\"'<>]+",
     re.I,
 )
-"""A key in the query of a URL."""
 
+# Separators inside a spread key: white space and invisible characters.
 _BETWEEN = r"[\s\u00ad\u200b-\u200f\u2060\ufeff]*"
-"""Separators inside a spread key: white space and invisible characters."""
 
 
 def redact(text: str) -> str:

@@ -22,27 +22,24 @@ if TYPE_CHECKING:
     from palpate.runs.run import Run
 
 
+# Comparing words that ask for the smaller value.
 LESS: Collection[str] = (
     *("lighter", "lightest", "lower", "lowest", "smaller", "smallest", "narrower", "thinner"),
     *("thinnest", "softer", "softest", "springier", "slipperier", "slipperiest", "less", "least"),
 )
-"""Comparing words that ask for the smaller value."""
-UNNAMED = ("more", "most", "less", "least")
-"""Comparing words that name no quantity."""
+UNNAMED = ("more", "most", "less", "least")  # Comparing words that name no quantity
+# Words that make a question with one of `UNNAMED` a comparison.
 CHOOSING = frozenset({"than", "which", "who", "what"})
-"""Words that make a question with one of `UNNAMED` a comparison."""
+# Words that ask for a sum.
 TOGETHER = frozenset({"together", "total", "altogether", "combined", "sum"})
-"""Words that ask for a sum."""
 BELOW = ("under", "below", "most")
 NEGATIONS = frozenset({"not", "no", "never"})
+# First words of a question that is answered by yes or no.
 ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
-"""First words of a question that is answered by yes or no."""
-CERTAIN = 1e-6
-"""Smallest probability that is printed as a number."""
-UNCERTAIN = 0.05
-"""Probability of the opposite order above which a comparison stays open."""
+CERTAIN = 1e-6  # Smallest probability that is printed as a number
+UNCERTAIN = 0.05  # Probability of the opposite order above which a comparison stays open
+# Units as they are spelt in lower case, and in the plural with an s.
 SPELT = {"gram": "g", "kilo": "kg", "kilogram": "kg", "n/m": "N/m", "n/mm": "kN/m"}
-"""Units as they are spelt in lower case, and in the plural with an s."""
 NUMBERS = {"half a": "0.5", "a": "1", "one": "1"}
 _BOUND = re.compile(
     r"\b(?P<than>than|least|most|above|over|under|below|exceeds?) "
@@ -53,17 +50,11 @@ _ALIKE = re.compile(r"\b(?:equally|as (?!well |soon )\w+ as)\b")
 
 @dataclass(frozen=True, slots=True)
 class _Side:
-    """Side of a comparison: the sum of the values of some objects, or an amount of the request.
+    """Side of a comparison: the sum of the values of some objects, or an amount of the request."""
 
-    Attributes:
-        name: the objects; empty for an amount.
-        value: sum, in SI units.
-        estimates: the measured values in it; the others are exact.
-    """
-
-    name: str
-    value: float
-    estimates: tuple[Estimate, ...] = ()
+    name: str  # the objects; empty for an amount
+    value: float  # sum, in SI units
+    estimates: tuple[Estimate, ...] = ()  # the measured values in it; the others are exact
 
     def __str__(self) -> str:
         std = _std(self)

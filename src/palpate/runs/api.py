@@ -52,8 +52,8 @@ class Plan(InnerPlan):
     `Scene.plan` returns a checked plan, which can be run. A user's own planner may construct one.
     """
 
+    # The run so far: settings, scene, this plan and its findings. None before the check.
     begun: InnerRun | None = field(default=None, kw_only=True, compare=False)
-    """The run so far: settings, scene, this plan and its findings. None before the check."""
 
     @property
     def findings(self) -> tuple[Finding, ...]:

@@ -33,19 +33,17 @@ if TYPE_CHECKING:
     from palpate.robots.simulated.world import World
 
 
+# s between two ticks of an execution that is compared only in the means of its recordings. It
+# equals the time that the simulated arm continues without new feed-forward torques. Against 0.02 s,
+# residuals differ by less than 6 mN and 0.3 micrometres (bottle, hammer, drawer), and the duration
+# falls by a seventh to a fifth.
 REPLAY_PERIOD = 0.04
-"""s between two ticks of an execution that is compared only in the means of its recordings. It
-equals the time that the simulated arm continues without new feed-forward torques. Against 0.02 s,
-residuals differ by less than 6 mN and 0.3 micrometres (bottle, hammer, drawer), and the duration
-falls by a seventh to a fifth.
-"""
+# Physics steps in a control cycle of such an execution. The step is 1 ms, half MuJoCo's default and
+# twice that of an execution on the robot. Residuals of 1 to 2 N change by 1 to 4 mN (drawer: 16
+# mN), and the duration falls by a quarter to a third.
 REPLAY_SUBSTEPS = 1
-"""Physics steps in a control cycle of such an execution. The step is 1 ms, half MuJoCo's default
-and twice that of an execution on the robot. Residuals of 1 to 2 N change by 1 to 4 mN (drawer: 16
-mN), and the duration falls by a quarter to a third.
-"""
+# Activities that change the position of a fixture.
 LASTING: tuple[Activity, ...] = ("working", "limit")
-"""Activities that change the position of a fixture."""
 HANDS = (OPENS := "OpenGripper", "CloseGripper")
 
 

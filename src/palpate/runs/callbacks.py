@@ -16,12 +16,10 @@ if TYPE_CHECKING:
 
 
 T = TypeVar("T")
-Progress = Callable[[str], None]
-"""Called with the name of the stage that begins."""
+Progress = Callable[[str], None]  # Called with the name of the stage that begins
+# Called with a plan before a real robot moves; True allows the motion.
 Confirm = Callable[["Run"], bool]
-"""Called with a plan before a real robot moves; True allows the motion."""
-Shown = Callable[["Run"], None]
-"""Called with the grown run."""
+Shown = Callable[["Run"], None]  # Called with the grown run
 
 
 def ignore(_: object) -> None:
@@ -40,28 +38,21 @@ def refuse(_: object) -> bool:
 
 @dataclass(frozen=True, slots=True)
 class RunCallbacks:
-    """Callbacks of a run: progress and confirmation. By default nothing is shown or asked.
+    """Callbacks of a run: progress and confirmation. By default nothing is shown or asked."""
 
-    Attributes:
-        observer: called at every tick of the execution.
-        progress: called with the name of the stage that begins.
-        may_move: called with the run before a real robot moves; True allows the motion.
-        may_measure: called with a run whose plan is a proposal; True measures the proposed
-            parameters.
-        may_resume: called with the reason why a real robot stopped; True lets it continue.
-        measured: called with the run when its values are final, before twin, film and report.
-        planned: called with the run before its plan for a real robot is rehearsed, to be read
-            meanwhile.
-        looked: called with the result of a look before the plan; True uses it.
-    """
-
-    observer: Observer | None = None
-    progress: Progress = ignore
+    observer: Observer | None = None  # called at every tick of the execution
+    progress: Progress = ignore  # called with the name of the stage that begins
+    # Called with the run before a real robot moves; True allows the motion.
     may_move: Confirm = allow
+    # Called with a run whose plan is a proposal; True measures the proposed parameters.
     may_measure: Confirm = refuse
+    # Called with the reason why a real robot stopped; True lets it continue.
     may_resume: Resume = nobody
+    # Called with the run when its values are final, before twin, film and report.
     measured: Shown = ignore
+    # Called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
     planned: Shown = ignore
+    # Called with the result of a look before the plan; True uses it.
     looked: Callable[[Seen], bool] = allow
 
     def unfailing(self) -> RunCallbacks:
@@ -76,8 +67,7 @@ class RunCallbacks:
         )
 
 
-SILENT = RunCallbacks()
-"""Callbacks that show nothing and ask nothing."""
+SILENT = RunCallbacks()  # Callbacks that show nothing and ask nothing
 
 
 def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:

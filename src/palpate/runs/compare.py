@@ -24,19 +24,13 @@ COLUMNS = ("parameter", "run", "value ± std", "difference in stds", "verdict")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ComparedEstimate:
-    """Estimate of one run in a comparison.
+    """Estimate of one run in a comparison."""
 
-    Attributes:
-        run: name of the run.
-        estimate: None if the run did not measure the parameter.
-        difference: (n,) from the first run with a value; None for that run, and without a value.
-        std: (n,) of the difference, without errors that both runs share.
-    """
-
-    run: str
-    estimate: Estimate | None
+    run: str  # name of the run
+    estimate: Estimate | None  # None if the run did not measure the parameter
+    # (n,) from the first run with a value; None for that run, and without a value.
     difference: Array | None = None
-    std: Array | None = None
+    std: Array | None = None  # (n,) of the difference, without errors that both runs share
 
     @property
     def z(self) -> Array | None:

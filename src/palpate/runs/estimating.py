@@ -93,16 +93,11 @@ def _unmeasured(made: Run) -> Iterator[Estimate]:
 
 @dataclass(frozen=True, slots=True)
 class Judged:
-    """Estimates of one object, with its held-out motion.
+    """Estimates of one object, with its held-out motion."""
 
-    Attributes:
-        key: digest of all data that this was made from.
-        estimates: of its parameters.
-        motion: its held-out motion, or the reason why there is none; None if it was not held still.
-    """
-
-    key: bytes
-    estimates: tuple[Estimate, ...]
+    key: bytes  # digest of all data that this was made from
+    estimates: tuple[Estimate, ...]  # of its parameters
+    # Its held-out motion, or the reason why there is none; None if it was not held still.
     motion: HeldOutMotion | str | None
 
 

@@ -30,31 +30,22 @@ if TYPE_CHECKING:
     from palpate.perception.look import Seen
 
 
+# m: distance of an object from its believed position that is allowed in addition to the uncertainty
+# of sight, as for neighbours in a rehearsal.
 MOVED = 0.005
-"""m: distance of an object from its believed position that is allowed in addition to the
-uncertainty of sight, as for neighbours in a rehearsal.
-"""
-SURE = 3.0
-"""Standard deviations of sight and belief within which a position agrees."""
-OFTEN = 5.0
-"""s of robot time: least interval between two looks."""
+SURE = 3.0  # Standard deviations of sight and belief within which a position agrees
+OFTEN = 5.0  # s of robot time: least interval between two looks
 
 
-See = Callable[[], "Seen | None"]
-"""Take a look; None where the camera shows nothing of the scene."""
+See = Callable[[], "Seen | None"]  # Take a look; None where the camera shows nothing of the scene
 
 
 @dataclass(slots=True)
 class CameraWatch:
-    """Corrects the symbolic state after a motion, and takes a look when the view is free.
+    """Corrects the symbolic state after a motion, and takes a look when the view is free."""
 
-    Attributes:
-        settled: the correction.
-        see: takes a look.
-    """
-
-    settled: Settled
-    see: See
+    settled: Settled  # the correction
+    see: See  # takes a look
     _looked: float = field(default=-np.inf, init=False)
 
     def __call__(self, path: str, blackboard: Blackboard) -> SymbolicState:

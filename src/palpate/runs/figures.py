@@ -10,23 +10,17 @@ from palpate.estimation.estimate import Estimate, Verdict, axes_of, round_to_std
 
 @dataclass(frozen=True, slots=True)
 class ComponentText:
-    """Component of an estimate as text; all numbers have the same digits after the point.
+    """Component of an estimate as text; all numbers have the same digits after the point."""
 
-    Attributes:
-        axis: its name, empty for a scalar.
-        value, std: estimate and standard deviation.
-        low, high: ends of the interval.
-        verdict: of the component.
-        limit: its one-sided limit, `at most 0.007`, at a bound.
-    """
-
-    axis: str
+    axis: str  # its name, empty for a scalar
+    # value, std: estimate and standard deviation.
     value: str
     std: str
+    # low, high: ends of the interval.
     low: str
     high: str
-    verdict: Verdict
-    limit: str = ""
+    verdict: Verdict  # of the component
+    limit: str = ""  # its one-sided limit, `at most 0.007`, at a bound
 
 
 def figures(estimate: Estimate) -> tuple[ComponentText, ...]:

@@ -28,12 +28,11 @@ from palpate.runs.run import TRACE, Run
 from palpate.runs.shown import trace_messages
 from palpate.trace.mcap import write_mcap
 
-MAX_JSON = 20_000_000
-"""Maximum size of a JSON file of a run, bytes."""
+MAX_JSON = 20_000_000  # Maximum size of a JSON file of a run, bytes
 
 _HOST = f"{zlib.crc32(platform.node().encode()):08x}"
+# Name of a scratch folder, with the machine and the process that made it.
 _SCRATCH = re.compile(r"\..+\.palpate-([0-9a-f]{8})-([0-9]+)-\w+")
-"""Name of a scratch folder, with the machine and the process that made it."""
 
 
 def default_folder(name: str) -> Path:

@@ -31,61 +31,44 @@ from palpate.trace.samples import FORCES, Trace, sound, trace_around
 WEIGHT = "held-out weight"
 BALANCE = "held-out balance"
 TORQUES = "held-out torques"
+# Quantity that each test judges. The test of the remaining torques judges none.
 JUDGED = {WEIGHT: "mass", BALANCE: "com"}
-"""Quantity that each test judges. The test of the remaining torques judges none."""
 
 
 @dataclass(frozen=True, slots=True)
 class Curve:
-    """Effect of the load on the signals of a motion, bin by bin, for the plot, N m (N of a force).
+    """Effect of the load on the signals of a motion, bin by bin, for the plot, N m (N of a force)."""
 
-    Attributes:
-        signals: (m,) names.
-        t: (k,) s, the middle of each bin.
-        measured: (m, k).
-        std: (m, k) of the measured ones.
-        twin: (m, k) as predicted from the estimates.
-        template: (m, k) as predicted from the priors.
-    """
-
-    signals: tuple[str, ...]
-    t: tuple[float, ...]
-    measured: tuple[tuple[float, ...], ...]
-    std: tuple[tuple[float, ...], ...]
-    twin: tuple[tuple[float, ...], ...]
-    template: tuple[tuple[float, ...], ...]
+    signals: tuple[str, ...]  # (m,) names
+    t: tuple[float, ...]  # (k,) s, the middle of each bin
+    measured: tuple[tuple[float, ...], ...]  # (m, k)
+    std: tuple[tuple[float, ...], ...]  # (m, k) of the measured ones
+    twin: tuple[tuple[float, ...], ...]  # (m, k) as predicted from the estimates
+    template: tuple[tuple[float, ...], ...]  # (m, k) as predicted from the priors
 
 
 @dataclass(frozen=True, slots=True)
 class HeldOutMotion:
-    """A held-out motion with its prediction.
+    """A held-out motion with its prediction."""
 
-    Attributes:
-        object: in the hand.
-        motion: description.
-        start, end: s.
-        chi2, dof, p: of the joint torques, over all joints and bins.
-        chi2_template: the same for the mass of the prior.
-        rms, rms_template: root mean square of measured less predicted torques, N m.
-        weight, weight_std: kg, measured less predicted mass, and its standard deviation.
-        tests: of weight, balance and torques.
-        curve: for the plot.
-    """
-
-    object: str
-    motion: str
+    object: str  # in the hand
+    motion: str  # description
+    # start, end: s.
     start: float
     end: float
+    # chi2, dof, p: of the joint torques, over all joints and bins.
     chi2: float
     dof: int
     p: float
-    chi2_template: float
+    chi2_template: float  # the same for the mass of the prior
+    # rms, rms_template: root mean square of measured less predicted torques, N m.
     rms: float
     rms_template: float
+    # weight, weight_std: kg, measured less predicted mass, and its standard deviation.
     weight: float
     weight_std: float
-    tests: tuple[FitTest, ...]
-    curve: Curve
+    tests: tuple[FitTest, ...]  # of weight, balance and torques
+    curve: Curve  # for the plot
 
     @property
     def agrees(self) -> bool:
@@ -116,26 +99,20 @@ class HeldOut:
 # Cross-validation: hold out one motion of each object, estimate without it, and predict it.
 
 
-FITTED = ("mass", "com", "inertia")
-"""Quantities on which the wrench of a held object depends."""
+FITTED = ("mass", "com", "inertia")  # Quantities on which the wrench of a held object depends
+# Activities of recordings from which these quantities are estimated.
 IN_THE_AIR = ("still", "swinging")
-"""Activities of recordings from which these quantities are estimated."""
 
 
 @dataclass(frozen=True, slots=True)
 class HoldOut:
-    """A held-out interval.
+    """A held-out interval."""
 
-    Attributes:
-        words: description.
-        start, end: s.
-        recording: along its path the object moves in the interval.
-    """
-
-    words: str
+    words: str  # description
+    # start, end: s.
     start: float
     end: float
-    recording: Recording
+    recording: Recording  # along its path the object moves in the interval
 
 
 def held_out(

@@ -20,12 +20,10 @@ from palpate.runs.run import TRACE, Run, Stage
 from palpate.trace.mcap import GrowingRecorder, TraceStream
 from palpate.trace.samples import Samples
 
-Step = Callable[[Run], Iterator[Run]]
-"""Stage of a run: yields the grown run once or several times."""
+Step = Callable[[Run], Iterator[Run]]  # Stage of a run: yields the grown run once or several times
+# Message of a failed crash-safe trace. The finished trace is written all the same.
 GROWING = "the trace was not written down while it grew"
-"""Message of a failed crash-safe trace. The finished trace is written all the same."""
-WRITING = 0.02
-"""Largest share of time spent on writing result.json while estimates are made."""
+WRITING = 0.02  # Largest share of time spent on writing result.json while estimates are made
 
 
 class Keeper:

@@ -178,25 +178,15 @@ def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
 
 @dataclass(frozen=True, slots=True)
 class _Steps:
-    """Stages after the first motion, as steps of a keeper: each yields the grown run.
+    """Stages after the first motion, as steps of a keeper: each yields the grown run."""
 
-    Attributes:
-        keeper: writes the results.
-        callbacks: progress and confirmation.
-        cell: of the execution; None if an earlier process executed the plan.
-        ahead: estimates that are computed during the execution.
-        darkroom: film and pictures that are being rendered.
-        given: execution in the scene before the measurement, in progress.
-        reel: film that is being rendered.
-    """
-
-    keeper: Keeper
-    callbacks: RunCallbacks
-    cell: Cell | None = None
-    ahead: Ahead | None = None
-    darkroom: Darkroom | None = None
-    given: Beside[Given] | None = None
-    reel: Reel | None = None
+    keeper: Keeper  # writes the results
+    callbacks: RunCallbacks  # progress and confirmation
+    cell: Cell | None = None  # of the execution; None if an earlier process executed the plan
+    ahead: Ahead | None = None  # estimates that are computed during the execution
+    darkroom: Darkroom | None = None  # film and pictures that are being rendered
+    given: Beside[Given] | None = None  # execution in the scene before the measurement, in progress
+    reel: Reel | None = None  # film that is being rendered
 
     def finished(self, made: Run) -> Run:
         """Carry out all stages after the execution, from the one that is due. A signal ends

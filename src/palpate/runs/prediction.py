@@ -42,8 +42,8 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
 
+# Columns of a wrench that a weight has: the vertical force and two horizontal moments.
 LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
-"""Columns of a wrench that a weight has: the vertical force and two horizontal moments."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -52,40 +52,25 @@ class Believed:
 
     It is a mass, kg; a centre of mass, m; the load's horizontal lever from the TCP, m; or its
     wrench on the hand (F in N, M_x and M_y about the TCP in N m, world axes).
-
-    Attributes:
-        value: (n,).
-        covariance: (n, n) of errors that the motion does not share, without the gains.
-        gains: (n, m) change of the value by one standard deviation of the gain of each of m
-            signals.
     """
 
-    value: Array
-    covariance: Array
+    value: Array  # (n,)
+    covariance: Array  # (n, n) of errors that the motion does not share, without the gains
+    # (n, m) change of the value by one standard deviation of the gain of each of m signals.
     gains: Array
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Predicted:
-    """A motion in n rows: k bins for each of m signals.
+    """A motion in n rows: k bins for each of m signals."""
 
-    Attributes:
-        t: (k,) s.
-        measured: (m, k) effect of the load on the signals, from the loaded and the empty hand.
-        expected: (m, k) effect of the believed load.
-        residual: (n,) measured less expected.
-        covariance: (n, n) of the residual.
-        design: (n, 3) rows of unit wrenches.
-        freedom: degrees of freedom of the noise.
-    """
-
-    t: Array
-    measured: Array
-    expected: Array
-    residual: Array
-    covariance: Array
-    design: Array
-    freedom: float
+    t: Array  # (k,) s
+    measured: Array  # (m, k) effect of the load on the signals, from the loaded and the empty hand
+    expected: Array  # (m, k) effect of the believed load
+    residual: Array  # (n,) measured less expected
+    covariance: Array  # (n, n) of the residual
+    design: Array  # (n, 3) rows of unit wrenches
+    freedom: float  # degrees of freedom of the noise
 
     @property
     def misfit(self) -> float:

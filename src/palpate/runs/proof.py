@@ -27,37 +27,25 @@ from palpate.scene.scene import Scene
 from palpate.twin.inject import part_names, stated_parameter, values_to_write
 from palpate.twin.twin import held_by_twin
 
-DRAWS = 20
-"""Count of worlds drawn from the twin's intervals."""
-TRIES = 5
-"""Attempts for each draw, on average. A draw that no body can have is repeated."""
-SAME = 1e-3
-"""Share of a goal, or of a force. Plans that differ by less count as equal."""
+DRAWS = 20  # Count of worlds drawn from the twin's intervals
+TRIES = 5  # Attempts for each draw, on average. A draw that no body can have is repeated.
+SAME = 1e-3  # Share of a goal, or of a force. Plans that differ by less count as equal.
 COLUMNS = ("object", "task", "goal", "prior off by", "twin off by", "95 % of draws")
 
 
 @dataclass(frozen=True, slots=True)
 class Proved:
-    """A task with one object. Errors are signed distances from the goal, in `unit`.
-
-    Attributes:
-        task: its name.
-        says: description.
-        unit: `m` or `N`.
-        goal: m to the mark; for a threshold the force of the judging world, N.
-        prior: errors of the prior's plan in each judging world; not finite where it fails.
-        twin: errors of the twin's plan there.
-        drawn: errors of the twin's plan in worlds drawn from its intervals.
-    """
+    """A task with one object. Errors are signed distances from the goal, in `unit`."""
 
     object: str
-    task: str
-    says: str
-    unit: str
-    goal: float
+    task: str  # its name
+    says: str  # description
+    unit: str  # `m` or `N`
+    goal: float  # m to the mark; for a threshold the force of the judging world, N
+    # Errors of the prior's plan in each judging world; not finite where it fails.
     prior: tuple[float, ...]
-    twin: tuple[float, ...]
-    drawn: tuple[float, ...]
+    twin: tuple[float, ...]  # errors of the twin's plan there
+    drawn: tuple[float, ...]  # errors of the twin's plan in worlds drawn from its intervals
 
     @property
     def promise(self) -> tuple[float, float]:

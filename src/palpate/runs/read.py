@@ -40,8 +40,7 @@ if TYPE_CHECKING:
     from palpate.runs.settings import Settings
 
 
-NOTHING = "<mujoco><worldbody/></mujoco>"
-"""Scene of a run without a scene file."""
+NOTHING = "<mujoco><worldbody/></mujoco>"  # Scene of a run without a scene file
 _ENDING, _HELD_OUT = TypeAdapter(Ending), TypeAdapter(HeldOut)
 _EVIDENCE, _TESTS = TypeAdapter(tuple[Recording, ...]), TypeAdapter(tuple[FitTest, ...])
 _PARTS, _SHARED = TypeAdapter(dict[str, FurtherValue]), TypeAdapter(tuple[Shared, ...])

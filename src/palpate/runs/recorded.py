@@ -27,27 +27,18 @@ from palpate.runs.run import RECORDING, Ending, Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene, parse_scene
 
-FARTHEST = 2.0
-"""m: largest distance from the hand to the frame of the object in it."""
-LOAD = "load"
-"""Name of a load that is not an object of a scene."""
+FARTHEST = 2.0  # m: largest distance from the hand to the frame of the object in it
+LOAD = "load"  # Name of a load that is not an object of a scene
 
 
 @dataclass(frozen=True, slots=True)
 class LogRequest:
-    """A recording with its context.
+    """A recording with its context."""
 
-    Attributes:
-        log: file or folder of the recording.
-        carrying: the load; its name is an object of the scene where there is one.
-        empty: recording of the empty hand.
-        columns: map of the columns, of both.
-    """
-
-    log: Path
-    carrying: Carrying
-    empty: Path | None = None
-    columns: Path | None = None
+    log: Path  # file or folder of the recording
+    carrying: Carrying  # the load; its name is an object of the scene where there is one
+    empty: Path | None = None  # recording of the empty hand
+    columns: Path | None = None  # map of the columns, of both
 
 
 def estimate_recording(

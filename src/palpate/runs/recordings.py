@@ -34,8 +34,7 @@ from palpate.runs.stored import Run, contents_of, known_keywords, run_of
 from palpate.scene.scene import Scene
 from palpate.trace.recording import ArmLog
 
-HEAVIEST_HAND = 50.0
-"""kg: largest mass on a flange. A larger number is an error of the unit."""
+HEAVIEST_HAND = 50.0  # kg: largest mass on a flange. A larger number is an error of the unit.
 
 
 @known_keywords

@@ -15,15 +15,14 @@ if TYPE_CHECKING:
     from palpate.runs.settings import Settings
 
 
+# Folder of the bundled scenarios, which are called by name.
 BUNDLED = Path(__file__).parents[1] / "studies" / "scenarios"
-"""Folder of the bundled scenarios, which are called by name."""
-POSES = "poses.yaml"
-"""File in a run folder with the poses that a camera saw."""
+POSES = "poses.yaml"  # File in a run folder with the poses that a camera saw
 SCENE = ("images", "poses", "root", "robot_body", "arm")
 MOTION = ("world", "robot", "robot_config", "cautious", "noise", "seed", "rehearse", "on_failure")
 PLANNING = ("planner", "remeasure", "within", "model_settings")
+# Options that are printed even with default values: another version may have other defaults.
 ALWAYS = ("noise", "seed")
-"""Options that are printed even with default values: another version may have other defaults."""
 
 
 def with_seen_poses(settings: Settings, folder: Path) -> Settings:

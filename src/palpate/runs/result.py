@@ -57,8 +57,7 @@ def _tests_json(tests: Sequence[FitTest]) -> list[dict[str, Any]]:
 # The document `result.json`: the contract with scripts.
 
 
-CYCLES = "cycles.npz"
-"""Log of a real robot's last seconds before a stop, in a run folder."""
+CYCLES = "cycles.npz"  # Log of a real robot's last seconds before a stop, in a run folder
 
 
 def result_json(run: Run, folder: Path | None) -> dict[str, Any]:

@@ -38,31 +38,22 @@ if TYPE_CHECKING:
 
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]
 Stage = Literal["executing", "estimating", "building the twin", "writing the report"]
-RECORDING = "recording"
-"""Planner of a run that is another program's recording."""
-TRACE = "trace.mcap"
-"""File of the trace in a run folder."""
+RECORDING = "recording"  # Planner of a run that is another program's recording
+TRACE = "trace.mcap"  # File of the trace in a run folder
 
 
 @dataclass(frozen=True, slots=True)
 class Ending:
-    """Course and end of an execution, as in `result.json`.
+    """Course and end of an execution, as in `result.json`."""
 
-    Attributes:
-        status: `complete` if the tree succeeded, else `stopped`.
-        stopped_by: reason, or None.
-        actions: leaves of the plan that were started.
-        robot_seconds, wall_seconds: duration, s.
-        setbacks: reasons of earlier stops after which the run continued.
-        held: object in the fingers at the stop and its whereabouts; None for nothing.
-    """
-
-    status: Literal["complete", "stopped"]
-    stopped_by: str | None
-    actions: int
+    status: Literal["complete", "stopped"]  # `complete` if the tree succeeded, else `stopped`
+    stopped_by: str | None  # reason, or None
+    actions: int  # leaves of the plan that were started
+    # robot_seconds, wall_seconds: duration, s.
     robot_seconds: float
     wall_seconds: float
-    setbacks: tuple[str, ...] = ()
+    setbacks: tuple[str, ...] = ()  # reasons of earlier stops after which the run continued
+    # Object in the fingers at the stop and its whereabouts; None for nothing.
     held: HeldObject | None = None
 
     @classmethod

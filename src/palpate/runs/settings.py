@@ -43,9 +43,9 @@ def _names(given: Any) -> Any:
     return tuple(str(name) for name in listed) if hasattr(listed, "__iter__") else given
 
 
-WORLD_CAMERA = "world:"
-"""Prefix of a `camera` that belongs to the simulated world."""
+WORLD_CAMERA = "world:"  # Prefix of a `camera` that belongs to the simulated world
 
+# Conversions of the forms in which users give a field, before its type is checked.
 FORMS: Mapping[str, Callable[[Any], Any]] = {
     "within": _widths,
     "measure": _names,
@@ -53,7 +53,6 @@ FORMS: Mapping[str, Callable[[Any], Any]] = {
     "arm": str,
     "camera": lambda given: str(given) if isinstance(given, int) else given,
 }
-"""Conversions of the forms in which users give a field, before its type is checked."""
 
 
 @dataclass(frozen=True)
@@ -361,9 +360,8 @@ class References:
     ] = None
 
 
+# Fields that `request.json` states as absolute paths: the run folder may be read from elsewhere.
 PATHS = ("scene", "root", "poses", "images", "intrinsics", "world", "robot_config", "twin")
-"""Fields that `request.json` states as absolute paths: the run folder may be read from
-elsewhere."""
 
 
 def request_json(settings: Settings) -> dict[str, Any]:

@@ -32,15 +32,12 @@ if TYPE_CHECKING:
     from palpate.trace.samples import Trace
 
 
-PERIOD = 0.1
-"""s: interval of the poses of the cell. Viewers interpolate."""
+PERIOD = 0.1  # s: interval of the poses of the cell. Viewers interpolate.
 CAMERA = "camera"
-LONGEST_SIDE = 640
-"""Pixels: longest side of the picture in the trace."""
-QUALITY = 85
-"""Quality of the JPEG, per cent."""
+LONGEST_SIDE = 640  # Pixels: longest side of the picture in the trace
+QUALITY = 85  # Quality of the JPEG, per cent
+# Rotation from a MuJoCo camera (looks along −z) to an optical frame (looks along +z).
 OPTICAL = Pose.of((0.0, 0.0, 0.0), (0.0, 1.0, 0.0, 0.0))
-"""Rotation from a MuJoCo camera (looks along −z) to an optical frame (looks along +z)."""
 
 log = logging.getLogger(__name__)
 

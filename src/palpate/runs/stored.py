@@ -30,10 +30,9 @@ if TYPE_CHECKING:
 
 P = ParamSpec("P")
 R = TypeVar("R")
+# Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, SI numbers, or `"mass=1g,
+# com=2mm"`.
 Widths = Mapping[str, str | float] | str | Sequence[str]
-"""Half widths of intervals, by quantity or by parameter: `{"mass": "1g"}`, SI numbers, or
-`"mass=1g, com=2mm"`.
-"""
 
 
 def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:

@@ -18,20 +18,16 @@ from palpate.estimation.quantities.fixture_range import Range
 from palpate.runs.trial import FINEST, LONGEST, REST, PhysicsTrial, Values, set_aside
 from palpate.scene.scene import Scene
 
+# Directions in which a task is tried, world axes. The first possible one is taken.
 WAYS = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]])
-"""Directions in which a task is tried, world axes. The first possible one is taken."""
-BISECTIONS = 11
-"""Bisection steps in the search for an action: they determine it to 5e-4."""
-STRONGEST = 100.0
-"""Largest force that is tried, as a multiple of the object's weight."""
-LOW = 0.1
-"""Height of a push, as a share of the object's height."""
+BISECTIONS = 11  # Bisection steps in the search for an action: they determine it to 5e-4
+STRONGEST = 100.0  # Largest force that is tried, as a multiple of the object's weight
+LOW = 0.1  # Height of a push, as a share of the object's height
+# rad: largest tilt of an object that has slid. With more it has tipped over.
 UPRIGHT = float(np.radians(20))
-"""rad: largest tilt of an object that has slid. With more it has tipped over."""
-GRIP = 10.0
-"""Friction coefficient that holds a foot in place."""
+GRIP = 10.0  # Friction coefficient that holds a foot in place
+# Largest distance from the goal of a planned force in its own world, as a share of the goal.
 NEAR = 0.02
-"""Largest distance from the goal of a planned force in its own world, as a share of the goal."""
 
 Unit = Literal["m", "N"]
 World = TypeVar("World")
@@ -39,23 +35,14 @@ World = TypeVar("World")
 
 @dataclass(frozen=True)
 class Task(ABC, Generic[World]):
-    """Task in a world, with one planned number: the action.
+    """Task in a world, with one planned number: the action."""
 
-    Attributes:
-        way: (3,) unit vector of its direction, world axes.
-        name: as in tables.
-        says: description.
-        unit: unit of the result.
-        goal: result to reach.
-        ways: (n, 3) directions in which it is tried.
-    """
-
-    way: Array
-    name: ClassVar[str]
-    says: ClassVar[str]
-    unit: ClassVar[Unit]
-    goal: ClassVar[float]
-    ways: ClassVar[Array] = WAYS
+    way: Array  # (3,) unit vector of its direction, world axes
+    name: ClassVar[str]  # as in tables
+    says: ClassVar[str]  # description
+    unit: ClassVar[Unit]  # unit of the result
+    goal: ClassVar[float]  # result to reach
+    ways: ClassVar[Array] = WAYS  # (n, 3) directions in which it is tried
 
     def plan(self, world: World) -> float | None:
         """Plan the action that ends at the goal in a world; None if the object tips over before, or
@@ -213,12 +200,11 @@ class Throw(OfObject):
         return float(np.interp(floor, (below, above), (there, here)))
 
 
+# Tasks of a kind of world. Each is followed by tasks that replace it where it is not possible.
 Tasks = Sequence[Sequence[type[Task[World]]]]
-"""Tasks of a kind of world. Each is followed by tasks that replace it where it is not possible."""
+# Tasks with an object. Slender objects tip over when friction stops them: for these, `SpringPush`
+# replaces `Slide`.
 TASKS: Tasks[PhysicsTrial] = ((Slide, SpringPush), (Topple,), (Throw,))
-"""Tasks with an object. Slender objects tip over when friction stops them: for these, `SpringPush`
-replaces `Slide`.
-"""
 
 
 def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
@@ -271,27 +257,18 @@ def foot_held(world: PhysicsTrial) -> Generator[None]:
 # Tasks with a drawer or a door: coast to an opening, open steadily.
 
 
-FIRST, MOST = 0.1, 1000.0
-"""N: first and largest force at a handle that a plan tries."""
-PUSHED = 0.2
-"""s: duration of a push."""
+FIRST, MOST = 0.1, 1000.0  # N: first and largest force at a handle that a plan tries
+PUSHED = 0.2  # s: duration of a push
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointTrial:
-    """A compiled world with a fixture at its pose in the scene.
+    """A compiled world with a fixture at its pose in the scene."""
 
-    Attributes:
-        model: MuJoCo's model.
-        qpos: index of the joint's position.
-        dof: index of its rate.
-        lever: m at the handle per unit of the joint, towards the farther limit.
-    """
-
-    model: mujoco.MjModel
-    qpos: int
-    dof: int
-    lever: float
+    model: mujoco.MjModel  # MuJoCo's model
+    qpos: int  # index of the joint's position
+    dof: int  # index of its rate
+    lever: float  # m at the handle per unit of the joint, towards the farther limit
 
     def run(
         self, force: Callable[[float], float], until: Callable[[float, float, float], bool]

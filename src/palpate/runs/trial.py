@@ -18,39 +18,26 @@ from palpate.common.pose import Array
 from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.scene.scene import Scene
 
+# Values of missing parameters by name. The others have their priors.
 Values = Mapping[Parameter, tuple[float, ...]]
-"""Values of missing parameters by name. The others have their priors."""
-Push = Callable[[mujoco.MjData], Array]
-"""Force (3,) N, world axes, in a state."""
+Push = Callable[[mujoco.MjData], Array]  # Force (3,) N, world axes, in a state
 
-SETTLING = 0.3
-"""s: time in which the object comes to rest on its support before the trial."""
-REST = 2e-3
-"""m/s: the object is at rest below this speed."""
-LONGEST = 3.0
-"""s: longest duration of a trial."""
-FINEST = 1e-3
-"""s: shortest physics step of a trial. Scenes with finer steps would take minutes."""
+SETTLING = 0.3  # s: time in which the object comes to rest on its support before the trial
+REST = 2e-3  # m/s: the object is at rest below this speed
+LONGEST = 3.0  # s: longest duration of a trial
+FINEST = 1e-3  # s: shortest physics step of a trial. Scenes with finer steps would take minutes.
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PhysicsTrial:
-    """A compiled world with the object at rest.
+    """A compiled world with the object at rest."""
 
-    Attributes:
-        model: MuJoCo's model.
-        body: index of the object's body.
-        state: qpos of the settled world.
-        centre: (3,) m, centre of mass then, world.
-        upright: (3,) vertical axis of the world in the body's frame then.
-        low, high: (3,) m, corners of the box around the object's geoms in the world.
-    """
-
-    model: mujoco.MjModel
-    body: int
-    state: Array
-    centre: Array
-    upright: Array
+    model: mujoco.MjModel  # MuJoCo's model
+    body: int  # index of the object's body
+    state: Array  # qpos of the settled world
+    centre: Array  # (3,) m, centre of mass then, world
+    upright: Array  # (3,) vertical axis of the world in the body's frame then
+    # low, high: (3,) m, corners of the box around the object's geoms in the world.
     low: Array
     high: Array
 

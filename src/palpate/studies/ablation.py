@@ -12,6 +12,7 @@ from palpate.studies.attempt import Conditions, attempt
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 from palpate.studies.trials import PlannerTrial, TrialRecord, every_trial, run_trials
 
+# Rows of the paper's table II, with the prompt modules that each leaves out.
 CONFIGURATIONS: dict[str, frozenset[str]] = {
     "full": frozenset(),
     "no image": frozenset({"image"}),
@@ -23,8 +24,8 @@ CONFIGURATIONS: dict[str, frozenset[str]] = {
     "no output": frozenset({"output"}),
     "no system prompt": frozenset({"all"}),
 }
-"""Rows of the paper's table II, with the prompt modules that each leaves out."""
 
+# Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper.
 ABLATION: dict[str, tuple[int, int | None]] = {
     "full": (10, 10),
     "no image": (10, 5),
@@ -36,10 +37,11 @@ ABLATION: dict[str, tuple[int, int | None]] = {
     "no output": (0, 0),
     "no system prompt": (0, 0),
 }
-"""Valid syntax and task success of 10 with Gemini 1.5 Pro: table II of the paper."""
+# Valid syntax and task success of 20: table III of the paper.
 REPEATABILITY: dict[str, tuple[int, int]] = {"GPT-4": (20, 20), "Gemini 1.5 Pro": (20, 20)}
-"""Valid syntax and task success of 20: table III of the paper."""
 
+# Scenarios of several kinds. A module of the prompt that helps one of them (an obstacle, a slide,
+# three grasps, a label, a refusal) may not help another.
 KINDS = (
     "bottle_and_table",
     "occlusion",
@@ -48,9 +50,6 @@ KINDS = (
     "vision/labels",
     "water_temperature",
 )
-"""Scenarios of several kinds. A module of the prompt that helps one of them (an obstacle, a slide,
-three grasps, a label, a refusal) may not help another.
-"""
 EVERY = "all"
 SEVERAL = "kinds"
 

@@ -28,41 +28,29 @@ from palpate.scene.scene import Scene
 from palpate.studies.scenarios.catalogue import scenario
 from palpate.studies.workers import spread
 
-CRASHED = "crashed"
-"""Status of a seed that ended in an error of the program itself."""
+CRASHED = "crashed"  # Status of a seed that ended in an error of the program itself
+# Index of the random stream for displaced objects, independent of all other streams of a seed.
 POSE_STREAM = 16
-"""Index of the random stream for displaced objects, independent of all other streams of a seed."""
 
 
 @dataclass(frozen=True, slots=True)
 class ScoredEstimate:
-    """Component of a seed's estimate and its true value, in the quantity's SI unit.
+    """Component of a seed's estimate and its true value, in the quantity's SI unit."""
 
-    Attributes:
-        parameter: estimated.
-        component: index into a vector quantity; 0 for a scalar.
-        seed: of the run.
-        value, std: the estimate and its stated standard deviation.
-        low, high: its 95 % interval.
-        truth: value of the hidden world.
-        single_shot: for masses, the naive mean of F_z/g from the same recording.
-        unit: as printed.
-        verdict: of this component.
-        at_bound: the interval reaches a physical bound, which is the only obstacle to its
-            identification.
-    """
-
-    parameter: Parameter
-    component: int
-    seed: int
+    parameter: Parameter  # estimated
+    component: int  # index into a vector quantity; 0 for a scalar
+    seed: int  # of the run
+    # value, std: the estimate and its stated standard deviation.
     value: float
     std: float
+    # low, high: its 95 % interval.
     low: float
     high: float
-    truth: float
-    single_shot: float | None
-    unit: str = ""
-    verdict: Verdict = "identified"
+    truth: float  # value of the hidden world
+    single_shot: float | None  # for masses, the naive mean of F_z/g from the same recording
+    unit: str = ""  # as printed
+    verdict: Verdict = "identified"  # of this component
+    # The interval reaches a physical bound, which is the only obstacle to its identification.
     at_bound: bool = False
 
     @property
@@ -100,31 +88,20 @@ class MissingComponent:
 
 @dataclass(frozen=True, slots=True)
 class SeedRun:
-    """Result of a seed: end of the run, effort, and estimates with their true values.
+    """Result of a seed: end of the run, effort, and estimates with their true values."""
 
-    Attributes:
-        seed: of the run.
-        status: of the run, or `CRASHED`.
-        actions: leaves that were started.
-        robot_seconds: duration of the execution.
-        estimates: components that depend on the recordings only: identified ones, and those at a
-            physical bound.
-        doubted: other components with a value.
-        unmeasured: components without a value.
-        wall_seconds, cpu_seconds: of the whole run, with planning and estimation.
-        crash: a traceback.
-    """
-
-    seed: int
-    status: str
-    actions: int
-    robot_seconds: float
+    seed: int  # of the run
+    status: str  # of the run, or `CRASHED`
+    actions: int  # leaves that were started
+    robot_seconds: float  # duration of the execution
+    # Components that depend on the recordings only: identified ones, and those at a physical bound.
     estimates: tuple[ScoredEstimate, ...]
-    doubted: tuple[ScoredEstimate, ...] = ()
-    unmeasured: tuple[MissingComponent, ...] = ()
+    doubted: tuple[ScoredEstimate, ...] = ()  # other components with a value
+    unmeasured: tuple[MissingComponent, ...] = ()  # components without a value
+    # wall_seconds, cpu_seconds: of the whole run, with planning and estimation.
     wall_seconds: float = field(default=0.0, compare=False)
     cpu_seconds: float = field(default=0.0, compare=False)
-    crash: str = ""
+    crash: str = ""  # a traceback
 
 
 @dataclass(frozen=True, slots=True)

@@ -33,18 +33,13 @@ from palpate.twin.twin import build_twin
 
 @dataclass(frozen=True, slots=True)
 class Conditions:
-    """Conditions that all trials of a study share.
+    """Conditions that all trials of a study share."""
 
-    Attributes:
-        images: pictures of the workspace, instead of the scenario's own.
-        noise: noise model of the simulated robot.
-        model_settings: of the requests to models; the paper gives no feedback.
-        beside: file in whose folder pictures of simulated worlds are saved; None for no pictures.
-    """
-
-    images: tuple[Path, ...] = ()
-    noise: str = DEFAULT_LEVEL
+    images: tuple[Path, ...] = ()  # pictures of the workspace, instead of the scenario's own
+    noise: str = DEFAULT_LEVEL  # noise model of the simulated robot
+    # Of the requests to models; the paper gives no feedback.
     model_settings: ModelSettings = field(default_factory=lambda: ModelSettings(rounds=0))
+    # File in whose folder pictures of simulated worlds are saved; None for no pictures.
     beside: Path | None = None
 
 

@@ -90,8 +90,7 @@ class TableCell:
     mark: str = ""
 
 
-Line = tuple[str, Iterable[TableCell]]
-"""Table row: its name and its cells."""
+Line = tuple[str, Iterable[TableCell]]  # Table row: its name and its cells
 
 
 # Efficiency study: actions and robot time of the exhaustive and the intent-driven planner on the
@@ -113,8 +112,7 @@ class PublishedEffort:
     time_saved: float
 
 
-PAPER = PublishedEffort(29, 62.0, 12, 33.0, 0.47)
-"""Section VI-B of the paper."""
+PAPER = PublishedEffort(29, 62.0, 12, 33.0, 0.47)  # Section VI-B of the paper
 
 
 @dataclass(frozen=True, slots=True)

@@ -18,8 +18,7 @@ from palpate.studies.scenarios.catalogue import Scenario
 from palpate.studies.trials import SUCCESSES, Outcome
 from palpate.trace.samples import Trace
 
-FAR = 4.0
-"""Stated standard deviations: an identified value with a larger error is wrong."""
+FAR = 4.0  # Stated standard deviations: an identified value with a larger error is wrong
 
 
 @dataclass(frozen=True, slots=True)

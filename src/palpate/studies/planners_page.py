@@ -23,10 +23,8 @@ from palpate.studies.trials import (
     table,
 )
 
-REASON = 280
-"""Characters of a reason that are shown."""
-SELECTIVE = "one_missing_mass"
-"""Scenario of the paper's comparison of both planners."""
+REASON = 280  # Characters of a reason that are shown
+SELECTIVE = "one_missing_mass"  # Scenario of the paper's comparison of both planners
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,6 +38,7 @@ class Published:
     truth: str
 
 
+# Real-world estimates across scenarios: table IV of the paper, mean ± SD.
 RESULTS = (
     Published(
         "Mass of the bottle", "bottle_and_table", "bottle.mass", "0.257 ± 0.022 kg", "0.254 kg"
@@ -52,7 +51,6 @@ RESULTS = (
         "Mass of the hidden box", "occlusion", "light_blue_box.mass", "0.022 ± 0.015 kg", "0.016 kg"
     ),
 )
-"""Real-world estimates across scenarios: table IV of the paper, mean ± SD."""
 
 
 @dataclass(frozen=True, slots=True)

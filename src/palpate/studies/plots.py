@@ -21,24 +21,19 @@ from palpate.studies.summary import levels, shares
 
 COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
 """Colours of quantities and noise models, used in turn."""
-BAND = "rgba(139, 141, 152, 0.18)"
-"""Colour of the 95 % band of correctly stated errors."""
-BARS = (8, 30)
-"""Smallest and largest count of bars in a histogram."""
-POINTS = 400
-"""Largest count of points in a quantile plot."""
-REACH = 1e-9
-"""Least distance of a drawn share from 0 and 1: about 6 standard deviations."""
-GOOD = (0.8, 1.3)
-"""Target range of the ratio of stated standard deviation to actual error."""
+BAND = "rgba(139, 141, 152, 0.18)"  # Colour of the 95 % band of correctly stated errors
+BARS = (8, 30)  # Smallest and largest count of bars in a histogram
+POINTS = 400  # Largest count of points in a quantile plot
+REACH = 1e-9  # Least distance of a drawn share from 0 and 1: about 6 standard deviations
+GOOD = (0.8, 1.3)  # Target range of the ratio of stated standard deviation to actual error
 
 MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
+# Layout of a large figure, with a legend above it.
 LARGE: Figure = {
     "height": 420,
     "showlegend": True,
     "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
 }
-"""Layout of a large figure, with a legend above it."""
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:

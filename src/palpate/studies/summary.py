@@ -30,14 +30,12 @@ from palpate.studies.efficiency import Ranged
 from palpate.studies.workers import Crew, Lines, Lost, Progress
 
 FILE = "rows.jsonl"
+# Settings that name a file. The content of the file identifies a run, not its path.
 FILES = ("scene", "poses", "world", "robot_config")
-"""Settings that name a file. The content of the file identifies a run, not its path."""
+# Placement of objects. Rows without this entry are from worlds with all objects exactly at their
+# stated poses.
 PLACES = "drawn by their accuracy"
-"""Placement of objects. Rows without this entry are from worlds with all objects exactly at their
-stated poses.
-"""
-APART = ("seed", "palpate", "images")
-"""Keys of `request.json` that do not describe the run."""
+APART = ("seed", "palpate", "images")  # Keys of `request.json` that do not describe the run
 
 
 @dataclass(frozen=True, slots=True)
@@ -154,32 +152,24 @@ def short_digest(content: bytes) -> str:
 # Statistics of estimates over many seeds: bias, scatter, stated standard deviations, coverage.
 
 
-Key = tuple[Parameter, int]
-"""Parameter and index of its component."""
+Key = tuple[Parameter, int]  # Parameter and index of its component
+# Degrees of freedom in the table that is interpolated for an interval.
 FREEDOMS = np.geomspace(1.0, 1e6, 2000)
-"""Degrees of freedom in the table that is interpolated for an interval."""
+# Half widths of the 95 % intervals of Student's t with these degrees of freedom, in standard
+# deviations.
 QUANTILES = stdtrit(FREEDOMS, 0.975)
-"""Half widths of the 95 % intervals of Student's t with these degrees of freedom, in standard
-deviations.
-"""
 
 
 @dataclass(frozen=True, slots=True)
 class Scores:
-    """Coverage and calibration of n estimates.
+    """Coverage and calibration of n estimates."""
 
-    Attributes:
-        runs: n.
-        coverage95, coverage50: share of the 95 % and 50 % intervals that contain the truth.
-        stated: 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
-        worst: largest |z|.
-    """
-
-    runs: int
+    runs: int  # n
+    # coverage95, coverage50: share of the 95 % and 50 % intervals that contain the truth.
     coverage95: Ranged
     coverage50: Ranged
-    stated: Ranged
-    worst: float
+    stated: Ranged  # 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates
+    worst: float  # largest |z|
 
     @classmethod
     def of(cls, estimates: Sequence[ScoredEstimate]) -> Scores:
@@ -200,35 +190,25 @@ class Summary:
 
     The figures are those of the seeds that identified it, or that only a physical bound kept from
     it. They are None without any such seed.
-
-    Attributes:
-        runs: count of these seeds.
-        truth, mean: mean true and estimated value of these.
-        bias: mean error.
-        sd: standard deviation of the errors.
-        claimed: mean of the stated standard deviations; near `rmse` for calibrated estimates.
-        covered: count of 95 % intervals that contain the truth.
-        single_shot_sd: as `sd`, of the naive mean of F_z/g; None for quantities without one.
-        unit: as printed.
-        asked: count of all seeds.
-        verdicts: count of seeds by verdict.
-        rmse: root mean square of the errors.
     """
 
     parameter: Parameter
     component: int
-    runs: int
+    runs: int  # count of these seeds
+    # truth, mean: mean true and estimated value of these.
     truth: float
     mean: float | None = None
-    bias: float | None = None
-    sd: float | None = None
+    bias: float | None = None  # mean error
+    sd: float | None = None  # standard deviation of the errors
+    # Mean of the stated standard deviations; near `rmse` for calibrated estimates.
     claimed: float | None = None
-    covered: int = 0
+    covered: int = 0  # count of 95 % intervals that contain the truth
+    # As `sd`, of the naive mean of F_z/g; None for quantities without one.
     single_shot_sd: float | None = None
-    unit: str = ""
-    asked: int = 0
-    verdicts: dict[str, int] = field(default_factory=dict[str, int])
-    rmse: float | None = None
+    unit: str = ""  # as printed
+    asked: int = 0  # count of all seeds
+    verdicts: dict[str, int] = field(default_factory=dict[str, int])  # count of seeds by verdict
+    rmse: float | None = None  # root mean square of the errors
     scores: Scores | None = None
 
     @property

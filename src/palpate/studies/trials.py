@@ -18,15 +18,14 @@ from palpate.common.errors import Unavailable
 from palpate.studies.efficiency import Rate
 from palpate.studies.workers import Lines
 
+# Consecutive trials with an unavailable provider after which no further trial is started.
 OUTAGES = 3
-"""Consecutive trials with an unavailable provider after which no further trial is started."""
 
+# Outcome of a trial. The successes are: the right quantities were acquired; the arm was stopped
+# where it had to be; nothing could be measured and the planner refused.
 Outcome = Literal[
     "not judged", "acquired", "stopped rightly", "refused rightly", "refused", "failed"
 ]
-"""Outcome of a trial. The successes are: the right quantities were acquired; the arm was stopped
-where it had to be; nothing could be measured and the planner refused.
-"""
 SUCCESSES: tuple[Outcome, ...] = ("acquired", "stopped rightly", "refused rightly")
 
 Key = TypeVar("Key")
@@ -34,23 +33,14 @@ Key = TypeVar("Key")
 
 @dataclass(frozen=True, slots=True, order=True)
 class PlannerTrial:
-    """Independent attempt of a planner at a scenario's task.
+    """Independent attempt of a planner at a scenario's task."""
 
-    Attributes:
-        scenario: its name.
-        planner: planner string.
-        configuration: omitted part of the prompt, `full` for none.
-        number: from 0; also the seed of the simulated world's sensors.
-        prompt: style of the system prompt, `full` or `lean`.
-        critic: the second model that may object; empty if none.
-    """
-
-    scenario: str
-    planner: str
-    configuration: str
-    number: int
-    prompt: str = "full"
-    critic: str = ""
+    scenario: str  # its name
+    planner: str  # planner string
+    configuration: str  # omitted part of the prompt, `full` for none
+    number: int  # from 0; also the seed of the simulated world's sensors
+    prompt: str = "full"  # style of the system prompt, `full` or `lean`
+    critic: str = ""  # the second model that may object; empty if none
 
     @property
     def asked(self) -> str:
@@ -98,31 +88,20 @@ class MeasuredValue:
 
 @dataclass(frozen=True, slots=True)
 class TrialRecord:
-    """Record of a trial, a line of the results file.
+    """Record of a trial, a line of the results file."""
 
-    Attributes:
-        trial: identity.
-        syntax: the first answer is a plan that compiles to a behavior tree.
-        valid: a plan, or an explanation for making none, passed the check.
-        success: the outcome is one of `SUCCESSES`; None if the task defines none.
-        reason: of a failure.
-        figures: tokens, cost, latency, the model's name as the provider reports it.
-        outcome: of the trial.
-        found: estimates by parameter.
-        actions: leaves that were started.
-        robot_seconds: duration of the execution.
-    """
-
-    trial: PlannerTrial
-    syntax: bool
-    valid: bool
-    success: bool | None
-    reason: str = ""
+    trial: PlannerTrial  # identity
+    syntax: bool  # the first answer is a plan that compiles to a behavior tree
+    valid: bool  # a plan, or an explanation for making none, passed the check
+    success: bool | None  # the outcome is one of `SUCCESSES`; None if the task defines none
+    reason: str = ""  # of a failure
+    # Tokens, cost, latency, the model's name as the provider reports it.
     figures: dict[str, Any] = field(default_factory=dict[str, Any])
-    outcome: Outcome = "not judged"
+    outcome: Outcome = "not judged"  # of the trial
+    # Estimates by parameter.
     found: dict[str, MeasuredValue] = field(default_factory=dict[str, MeasuredValue])
-    actions: int = 0
-    robot_seconds: float = 0.0
+    actions: int = 0  # leaves that were started
+    robot_seconds: float = 0.0  # duration of the execution
 
     @property
     def tokens(self) -> int:
@@ -203,28 +182,18 @@ def attempt_in_parallel(
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ConfigurationRow:
-    """Row of a results table: trials of one prompt configuration with one planner.
+    """Row of a results table: trials of one prompt configuration with one planner."""
 
-    Attributes:
-        configuration: of the prompt.
-        planner: planner string.
-        syntax, valid: rates of all trials.
-        success: rate of the judged trials; None if none was judged.
-        tokens: mean of a trial.
-        cost: US dollars of all trials together; None if an answer has no known price.
-        asked: planner, prompt style and critic, as a label.
-        scenario: of all trials; empty if they are of several.
-    """
-
-    configuration: str
-    planner: str
+    configuration: str  # of the prompt
+    planner: str  # planner string
+    # syntax, valid: rates of all trials.
     syntax: Rate
     valid: Rate
-    success: Rate | None
-    tokens: float
-    cost: float | None
-    asked: str = ""
-    scenario: str = ""
+    success: Rate | None  # rate of the judged trials; None if none was judged
+    tokens: float  # mean of a trial
+    cost: float | None  # US dollars of all trials together; None if an answer has no known price
+    asked: str = ""  # planner, prompt style and critic, as a label
+    scenario: str = ""  # of all trials; empty if they are of several
 
 
 def table(records: Iterable[TrialRecord]) -> list[ConfigurationRow]:

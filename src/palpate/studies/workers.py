@@ -25,8 +25,7 @@ from palpate.common.errors import InputError, Unavailable
 from palpate.common.files import read_bytes
 from palpate.common.processes import ignore_signals
 
-LARGEST = 1_000_000_000
-"""Bytes: size of the largest results file that is read."""
+LARGEST = 1_000_000_000  # Bytes: size of the largest results file that is read
 
 Row = TypeVar("Row")
 
@@ -118,8 +117,7 @@ def strict_json(content: Any) -> Any:
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
-AHEAD = 2
-"""Tasks that a worker receives in advance, so that it never waits for the next one."""
+AHEAD = 2  # Tasks that a worker receives in advance, so that it never waits for the next one
 
 
 class Lost(Exception):
@@ -251,10 +249,8 @@ class Progress:
 # Tasks on an existing Ray cluster (https://docs.ray.io).
 
 
-LOCAL = "local"
-"""Address without a cluster: processes of this machine."""
-PATIENCE = 5.0
-"""s: time in which the head of a cluster must answer."""
+LOCAL = "local"  # Address without a cluster: processes of this machine
+PATIENCE = 5.0  # s: time in which the head of a cluster must answer
 ADDRESS = re.compile(r"(?:ray://)?(?P<host>[\w.-]+):(?P<port>\d{1,5})")
 
 
@@ -279,15 +275,10 @@ def crew(address: str, workers: int | None = None) -> Generator[Crew]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RayCrew:
-    """The cluster that this process has joined.
+    """The cluster that this process has joined."""
 
-    Attributes:
-        ray: the library.
-        room: largest count of submitted tasks.
-    """
-
-    ray: Any
-    room: int
+    ray: Any  # the library
+    room: int  # largest count of submitted tasks
 
     def each(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]

@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from palpate.robots.description import RobotDescription
 
 
+# Keys of robot.yaml that a calibration writes. It leaves all others unchanged.
 MEASURED = (
     "torque_gain",
     "tip_offset",
@@ -38,44 +39,29 @@ MEASURED = (
     "tip_compliance",
     "camera",
 )
-"""Keys of robot.yaml that a calibration writes. It leaves all others unchanged."""
 
 
 @dataclass(frozen=True, slots=True)
 class CalibratedFigure:
-    """Calibrated figure, before and after.
+    """Calibrated figure, before and after."""
 
-    Attributes:
-        name: its key in robot.yaml, with the number of the joint or the axis.
-        unit: SI; `1` for a relative figure.
-        before, after: value and standard deviation.
-        by: procedure that measured it.
-    """
-
-    name: str
-    unit: str
+    name: str  # its key in robot.yaml, with the number of the joint or the axis
+    unit: str  # SI; `1` for a relative figure
+    # before, after: value and standard deviation.
     before: tuple[float, float]
     after: tuple[float, float]
-    by: str
+    by: str  # procedure that measured it
 
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Result of a calibration and its file.
+    """Result of a calibration and its file."""
 
-    Attributes:
-        config: the calibrated figures.
-        found: figures before and after.
-        file: the robot.yaml.
-        robot_seconds: duration of the motions, s.
-        pictures: to which the camera's pose was fitted.
-    """
-
-    config: RobotConfig
-    found: tuple[CalibratedFigure, ...]
-    file: Path
-    robot_seconds: float
-    pictures: HandEye | None = None
+    config: RobotConfig  # the calibrated figures
+    found: tuple[CalibratedFigure, ...]  # figures before and after
+    file: Path  # the robot.yaml
+    robot_seconds: float  # duration of the motions, s
+    pictures: HandEye | None = None  # to which the camera's pose was fitted
 
 
 def calibrate(

@@ -49,47 +49,33 @@ from palpate.runs.settings import WORLD_CAMERA
 from palpate.runs.workplace import cell_for
 from palpate.scene.scene import Scene
 
+# Count of poses. With 0.07 pixels of noise they determine the camera's position to 0.6 mm.
 PICTURES = 24
-"""Count of poses. With 0.07 pixels of noise they determine the camera's position to 0.6 mm."""
-DRAWN, KEPT = 12_000, 1000
-"""Configurations drawn, and the most of them from which poses are chosen."""
+DRAWN, KEPT = 12_000, 1000  # Configurations drawn, and the most of them from which poses are chosen
+# rad: half width of the uniform distribution of each joint about home.
 SPREAD = np.array([1.2, 1.0, 0.8, 1.0, 1.2, 1.2, 2.0])
-"""rad: half width of the uniform distribution of each joint about home."""
-LIMIT = 0.1
-"""rad: distance to the joint limits."""
-CLEAR = 0.25
-"""m: least height of the TCP above the plane of the arm's base."""
+LIMIT = 0.1  # rad: distance to the joint limits
+CLEAR = 0.25  # m: least height of the TCP above the plane of the arm's base
+# Cosine of the largest angle between a tag's normal and the direction of view.
 FACING = math.cos(math.radians(50.0))
-"""Cosine of the largest angle between a tag's normal and the direction of view."""
+# Share of the picture's width that stays free at its edges. The camera's true pose differs from the
+# believed one.
 BORDER = 0.08
-"""Share of the picture's width that stays free at its edges. The camera's true pose differs from
-the believed one.
-"""
+# Pixels: shortest side of a tag in a picture. At smaller sizes dark surroundings of the paper shift
+# the detected corners.
 SMALLEST = 30.0
-"""Pixels: shortest side of a tag in a picture. At smaller sizes dark surroundings of the paper
-shift the detected corners.
-"""
-NEAREST = 0.15
-"""m: least distance of the tag from the camera."""
-TRIES = 6
-"""Selections of poses. Each new one leaves out the poses that the check refused."""
+NEAREST = 0.15  # m: least distance of the tag from the camera
+TRIES = 6  # Selections of poses. Each new one leaves out the poses that the check refused.
 
 
 @dataclass(frozen=True, slots=True)
 class Eye:
-    """A camera, real or simulated.
+    """A camera, real or simulated."""
 
-    Attributes:
-        source: as given on the command line.
-        lens: known to its owner.
-        mount: believed pose in the world, or on the hand.
-        shoot: takes a picture (height, width, 3), RGB.
-    """
-
-    source: str
-    lens: Lens
-    mount: Mount
-    shoot: Callable[[], NDArray[np.uint8]]
+    source: str  # as given on the command line
+    lens: Lens  # known to its owner
+    mount: Mount  # believed pose in the world, or on the hand
+    shoot: Callable[[], NDArray[np.uint8]]  # takes a picture (height, width, 3), RGB
 
 
 @dataclass(slots=True)

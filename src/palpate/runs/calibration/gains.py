@@ -35,17 +35,11 @@ STATED = re.compile(rf"{NUMBER}(?:(?:±|\+-|\+/-){NUMBER})?")
 
 @dataclass(frozen=True, slots=True)
 class Stated:
-    """Value within limits, in SI units.
+    """Value within limits, in SI units."""
 
-    Attributes:
-        value: nominal value.
-        limit: largest deviation from it, as on the certificate of a weight or a gauge block.
-        text: as written.
-    """
-
-    value: float
-    limit: float
-    text: str
+    value: float  # nominal value
+    limit: float  # largest deviation from it, as on the certificate of a weight or a gauge block
+    text: str  # as written
 
     @property
     def std(self) -> float:
@@ -84,15 +78,10 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
 
 @dataclass(frozen=True, slots=True)
 class Known:
-    """Reference in the scene, written `[NAME=]SIZE`.
+    """Reference in the scene, written `[NAME=]SIZE`."""
 
-    Attributes:
-        size: its known mass or height.
-        name: its name in the scene; None where there is only one candidate.
-    """
-
-    size: Stated
-    name: str | None = None
+    size: Stated  # its known mass or height
+    name: str | None = None  # its name in the scene; None where there is only one candidate
 
     @classmethod
     def of(cls, text: str, units: Mapping[str, float], what: str) -> Known:
@@ -104,36 +93,26 @@ class Known:
 # Gains of the joint torque sensors, by a known weight in the hand or by the arm's own weight.
 
 
+# Count of rests at which the arm weighs itself. Friction is about as large as the signal, and
+# averages out over many rests.
 CONFIGURATIONS = 30
-"""Count of rests at which the arm weighs itself. Friction is about as large as the signal, and
-averages out over many rests.
-"""
+# rad: half width of the uniform distribution of each joint about home.
 SPREAD = np.array([0.8, 0.6, 0.6, 0.7, 1.0, 0.8, 1.2])
-"""rad: half width of the uniform distribution of each joint about home."""
-CLEAR = 0.25
-"""m: least height of the TCP above the plane of the arm's base."""
+CLEAR = 0.25  # m: least height of the TCP above the plane of the arm's base
+# Relative (1 sigma): wide prior of the gains, for a fit that the prior hardly influences.
 WIDE = 0.1
-"""Relative (1 sigma): wide prior of the gains, for a fit that the prior hardly influences."""
-MARGIN = 0.1
-"""rad: distance of each configuration to the joint limits."""
+MARGIN = 0.1  # rad: distance of each configuration to the joint limits
 UP = np.array([0.0, 0.0, 1.0])
-OFFSET = 1.0
-"""N m (1 sigma): torque offset of a joint, from zeroing and from friction at the start."""
-ROUNDS = 4
-"""Iterations in which the fit learns the scatter of friction from its own residuals."""
+OFFSET = 1.0  # N m (1 sigma): torque offset of a joint, from zeroing and from friction at the start
+ROUNDS = 4  # Iterations in which the fit learns the scatter of friction from its own residuals
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GainBelief:
-    """Gaussian of the relative gain errors of the torque sensors.
+    """Gaussian of the relative gain errors of the torque sensors."""
 
-    Attributes:
-        mean: (7,).
-        covariance: (7, 7).
-    """
-
-    mean: Array
-    covariance: Array
+    mean: Array  # (7,)
+    covariance: Array  # (7, 7)
 
     def after(self, corrected: Array) -> GainBelief:
         """Compose with gains `corrected` (7,):

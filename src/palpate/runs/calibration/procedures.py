@@ -20,16 +20,14 @@ from palpate.runs.calibration.tips import fit_tips, require_places
 from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
+# m/s: speed at which a weight is lifted and lowered. It is slow enough to average white noise, and
+# fast enough to avoid drift.
 SPEED = 0.05
-"""m/s: speed at which a weight is lifted and lowered. It is slow enough to average white noise, and
-fast enough to avoid drift.
-"""
+# Decimals of a relative variance. They give three digits of a gain that is known to 0.001 %.
 DIGITS = 13
-"""Decimals of a relative variance. They give three digits of a gain that is known to 0.001 %."""
+# Touches of each gauge. Two separate the scatter between places from that between touches.
 ROUNDS = 2
-"""Touches of each gauge. Two separate the scatter between places from that between touches."""
-SAME = 1e-6
-"""Relative tolerance between the size in a scene and the stated one."""
+SAME = 1e-6  # Relative tolerance between the size in a scene and the stated one
 
 
 def weigh_itself(session: CalibrationSession) -> None:

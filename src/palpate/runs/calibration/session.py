@@ -31,14 +31,12 @@ from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.samples import STANDARD_GRAVITY, Trace
 
-BLOCK = "block"
-"""Name of the weight, a block of 40 x 40 x 80 mm for any mass."""
+BLOCK = "block"  # Name of the weight, a block of 40 x 40 x 80 mm for any mass
+# m: distances from the base to the weight, one for each visit. The joints share its weight
+# differently at each place, so that the gains hold between and around these places.
 PLACES = (0.45, 0.60, 0.35)
-"""m: distances from the base to the weight, one for each visit. The joints share its weight
-differently at each place, so that the gains hold between and around these places.
-"""
+# m: positions of the gauge blocks on the plate. Their spread shows a tilt of the arm's frame.
 GAUGES = ((0.50, -0.18), (0.50, 0.18), (0.66, -0.18), (0.66, 0.18), (0.58, 0.0))
-"""m: positions of the gauge blocks on the plate. Their spread shows a tilt of the arm's frame."""
 GAUGE_NAMES = tuple(f"gauge_{i}" for i in range(1, len(GAUGES) + 1))
 
 PLATE = """<mujoco model="calibration bench">
@@ -75,23 +73,14 @@ def truth(stated: Stated, seed: int, name: str) -> float:
 
 @dataclass(slots=True)
 class CalibrationSession:
-    """Visits to one arm.
+    """Visits to one arm."""
 
-    Attributes:
-        settings: name the arm.
-        config: findings so far; the next visit is corrected by them.
-        callbacks: progress, and the question before a real arm moves.
-        visits: number of visits, earlier sessions included.
-        seconds: duration of all motions, s of robot time.
-        cell: workplace of the last visit.
-    """
-
-    settings: Settings
-    config: RobotConfig
-    callbacks: RunCallbacks = SILENT
-    visits: int = 0
-    seconds: float = 0.0
-    cell: Cell | None = None
+    settings: Settings  # name the arm
+    config: RobotConfig  # findings so far; the next visit is corrected by them
+    callbacks: RunCallbacks = SILENT  # progress, and the question before a real arm moves
+    visits: int = 0  # number of visits, earlier sessions included
+    seconds: float = 0.0  # duration of all motions, s of robot time
+    cell: Cell | None = None  # workplace of the last visit
 
     @property
     def arm(self) -> RobotDescription:

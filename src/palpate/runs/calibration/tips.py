@@ -30,52 +30,36 @@ from palpate.estimation.touch import APART, RIGID, SurfaceTouch, find_touch
 from palpate.runs.calibration.gains import Stated, require
 from palpate.trace.samples import Trace
 
-FEWEST = 3
-"""Least count of places: a plane has three coefficients."""
+FEWEST = 3  # Least count of places: a plane has three coefficients
+# m (1 sigma): residuals of a plane through the gauges of the bench, at them and between them. Root
+# mean square over 200 arms with joint offsets of 1 mrad and link errors of 0.3 mm.
 BENT = 6e-5
-"""m (1 sigma): residuals of a plane through the gauges of the bench, at them and between them. Root
-mean square over 200 arms with joint offsets of 1 mrad and link errors of 0.3 mm.
-"""
+# m above and below the gauges. Over this range of heights the frame error is taken to grow in
+# proportion to the arm's reach.
 AROUND = 0.1
-"""m above and below the gauges. Over this range of heights the frame error is taken to grow in
-proportion to the arm's reach.
-"""
+# Shares of the pose repeatability on the datasheet, which is an upper bound. They are equally
+# probable a priori.
 SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
-"""Shares of the pose repeatability on the datasheet, which is an upper bound. They are equally
-probable a priori.
-"""
+# Shares of the frame error that this arm may have, equally probable a priori. Two tilts and the
+# residuals of five places are sometimes small by chance. With these shares, 1 in 1000 heights of
+# arms with the full frame error is 4 deviations off. With smaller shares it would be 8.
 FRAMES = (1.0 / 4.0, 1.0 / 2.0, 1.0)
-"""Shares of the frame error that this arm may have, equally probable a priori. Two tilts and the
-residuals of five places are sometimes small by chance. With these shares, 1 in 1000 heights of arms
-with the full frame error is 4 deviations off. With smaller shares it would be 8.
-"""
-STIFF = 1e-6
-"""m/N: compliance of a steel gauge and of its support."""
+STIFF = 1e-6  # m/N: compliance of a steel gauge and of its support
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Tips:
-    """Calibration of the fingertips and the base.
+    """Calibration of the fingertips and the base."""
 
-    Attributes:
-        offset: from the TCP to the fingertips' end, along the tool, m.
-        offset_std: of a height near the gauges, by tips and frame together, m.
-        repeatability: of the pose, by touches of one height, m.
-        lean: (2,) tilt of the base about its x and y axes, beyond the one already corrected, rad.
-        lean_std: (2,) its standard deviation.
-        compliance: of pads and joints behind the encoders, m/N.
-        compliance_std: its standard deviation.
-        touches: number of touches.
-    """
-
-    offset: float
-    offset_std: float
-    repeatability: float
+    offset: float  # from the TCP to the fingertips' end, along the tool, m
+    offset_std: float  # of a height near the gauges, by tips and frame together, m
+    repeatability: float  # of the pose, by touches of one height, m
+    # (2,) tilt of the base about its x and y axes, beyond the one already corrected, rad.
     lean: Array
-    lean_std: Array
-    compliance: float
-    compliance_std: float
-    touches: int
+    lean_std: Array  # (2,) its standard deviation
+    compliance: float  # of pads and joints behind the encoders, m/N
+    compliance_std: float  # its standard deviation
+    touches: int  # number of touches
 
 
 def fit_tips(

@@ -30,22 +30,16 @@ from palpate.trace.samples import Trace
 if TYPE_CHECKING:
     from palpate.runs.run import Run
 
-MARGIN = 1.35
-"""Distance from the middle of a bar to its end, in half widths of the interval."""
-TRUTH_MARGIN = 1.2
-"""Distance from the middle of a bar to its end, in distances of the truth."""
+MARGIN = 1.35  # Distance from the middle of a bar to its end, in half widths of the interval
+TRUTH_MARGIN = 1.2  # Distance from the middle of a bar to its end, in distances of the truth
+# Half widths of the interval. A truth farther away is drawn at the end of the bar, so that the
+# interval stays visible.
 OFF_SCALE = 5.0
-"""Half widths of the interval. A truth farther away is drawn at the end of the bar, so that the
-interval stays visible.
-"""
-FEW = 4
-"""Largest count of cards without a table above them."""
-AIR = 0.04
-"""Share of a common scale that stays free at each end."""
-IN_TWIN = ("identified", "prior-dominated")
-"""Verdicts of values that the twin holds."""
+FEW = 4  # Largest count of cards without a table above them
+AIR = 0.04  # Share of a common scale that stays free at each end
+IN_TWIN = ("identified", "prior-dominated")  # Verdicts of values that the twin holds
+# Placeholder for a missing value.
 UNSTATED = {"known": "–", "missing": "?", "assumed": "as of uniform density"}
-"""Placeholder for a missing value."""
 
 
 @dataclass(frozen=True, slots=True)

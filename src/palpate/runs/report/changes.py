@@ -18,14 +18,10 @@ from palpate.perception.renderer import png
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace
 
-MAX_LINES = 4000
-"""Largest count of lines of a diff that is shown."""
-SEEN = 12
-"""Threshold of a changed pixel, of 255, in any colour."""
-LEAST = 5e-5
-"""Least share of changed pixels that counts as visible."""
-MARK = (13, 148, 136)
-"""The page's accent."""
+MAX_LINES = 4000  # Largest count of lines of a diff that is shown
+SEEN = 12  # Threshold of a changed pixel, of 255, in any colour
+LEAST = 5e-5  # Least share of changed pixels that counts as visible
+MARK = (13, 148, 136)  # The page's accent
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,8 +123,7 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
 # Measured windows: parameters, situation and reading of each recording.
 
 
-FINEST = 1e-5
-"""N or m: least spread of a recording that is shown."""
+FINEST = 1e-5  # N or m: least spread of a recording that is shown
 
 
 @dataclass(frozen=True, slots=True)

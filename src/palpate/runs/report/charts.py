@@ -16,10 +16,8 @@ from palpate.estimation.estimate import Z95, Estimate, FitView, round_to_std
 from palpate.runs.figures import figures
 from palpate.runs.report.plots import FAINT, MARK, NORM, Figure, decimate, pack_array
 
-Truth = tuple[float, ...]
-"""True values of a simulated world, one for each component."""
-SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}
-"""Units in which errors are easier to read."""
+Truth = tuple[float, ...]  # True values of a simulated world, one for each component
+SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}  # Units in which errors are easier to read
 
 
 @dataclass(frozen=True, slots=True)
@@ -85,14 +83,12 @@ TRUTH = "#c2710c"
 COLOURS = (MARK, TRUTH, "#3b82f6")
 """Colours of the points of the first, second and third group."""
 BAND = "rgba(13, 148, 136, .2)"
-MANY = 60
-"""Count of points above which a group is drawn as a line."""
+MANY = 60  # Count of points above which a group is drawn as a line
+# Multiple of the median standard deviation above which error bars do not stretch the axis.
 WIDE = 4.0
-"""Multiple of the median standard deviation above which error bars do not stretch the axis."""
+# Range of the predictions, in standard deviations, above which residuals get a second axis.
 BARELY_SEEN = 40.0
-"""Range of the predictions, in standard deviations, above which residuals get a second axis."""
-SHORT, TALL = 300, 430
-"""px, height of a chart without and with residuals."""
+SHORT, TALL = 300, 430  # px, height of a chart without and with residuals
 
 log = logging.getLogger(__name__)
 

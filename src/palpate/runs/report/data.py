@@ -32,23 +32,14 @@ class Pictures:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ReportData:
-    """Content of the page. A section without data is left out.
+    """Content of the page. A section without data is left out."""
 
-    Attributes:
-        run: the run.
-        pictures: of it, with its film.
-        proof: tasks planned with the twin.
-        files: paths in the run folder, relative to the page.
-        command: reproduces the run, from the page's folder.
-        warnings: one line each, e.g. how to get pictures.
-    """
-
-    run: Run
-    pictures: Pictures = Pictures()
-    proof: Proof | None = None
-    files: tuple[str, ...] = ()
-    command: str = ""
-    warnings: tuple[str, ...] = ()
+    run: Run  # the run
+    pictures: Pictures = Pictures()  # of it, with its film
+    proof: Proof | None = None  # tasks planned with the twin
+    files: tuple[str, ...] = ()  # paths in the run folder, relative to the page
+    command: str = ""  # reproduces the run, from the page's folder
+    warnings: tuple[str, ...] = ()  # one line each, e.g. how to get pictures.
 
 
 def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> ReportData:

@@ -35,18 +35,12 @@ from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
 HOST = "127.0.0.1"
-REFRESH_PERIOD = 1 / 15
-"""s of wall time between two pictures."""
-HISTORY = 1500
-"""Ticks of force in the plot: half a minute."""
-NARROW = 0.8
-"""Ratio of width to height of a view below which the screen is a phone's."""
-ASK_PERIOD = 0.2
-"""s between two polls for a signal while a person is asked."""
-STEP = 0.05
-"""s: step of the slider."""
-FRAME = 1 / 20
-"""s of wall time between two pictures of a playback."""
+REFRESH_PERIOD = 1 / 15  # s of wall time between two pictures
+HISTORY = 1500  # Ticks of force in the plot: half a minute
+NARROW = 0.8  # Ratio of width to height of a view below which the screen is a phone's
+ASK_PERIOD = 0.2  # s between two polls for a signal while a person is asked
+STEP = 0.05  # s: step of the slider
+FRAME = 1 / 20  # s of wall time between two pictures of a playback
 SPEEDS = ("1x", "4x", "16x")
 
 

@@ -35,11 +35,11 @@ HEADERS = {
     "Cross-Origin-Opener-Policy": "same-origin",
 }
 
+# viser's client is dark with `?darkMode` in its address.
 FOLLOW_COLOUR_SCHEME = """<script>
 if (matchMedia("(prefers-color-scheme: dark)").matches && !location.search.includes("darkMode"))
   location.replace(location.pathname + "?darkMode");
 </script>"""
-"""viser's client is dark with `?darkMode` in its address."""
 
 LOGGER = logging.getLogger(__name__)
 LOGGER.addHandler(logging.NullHandler())
@@ -132,16 +132,13 @@ class Access:
 # pyright: reportUnknownMemberType=false
 
 
+# Count of visible groups. MuJoCo's own viewer shows groups 0 to 2 at first; collision shapes are in
+# the others.
 SEEN_GROUPS = 3
-"""Count of visible groups. MuJoCo's own viewer shows groups 0 to 2 at first; collision shapes are
-in the others.
-"""
-PLANE = 2.0
-"""m: half the side of the plate that represents an infinite plane."""
+PLANE = 2.0  # m: half the side of the plate that represents an infinite plane
 
 Type = mujoco.mjtGeom
-Surface = tuple[NDArray[np.float32], NDArray[np.int32]]
-"""Vertices (n, 3), m, and triangles (m, 3)."""
+Surface = tuple[NDArray[np.float32], NDArray[np.int32]]  # Vertices (n, 3), m, and triangles (m, 3)
 
 
 class DrawnBodies:

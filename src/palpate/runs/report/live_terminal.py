@@ -22,8 +22,7 @@ from palpate.execution.runner import STOP_NODE, Observer, Snapshot
 from palpate.runs.report.console import LIVE_LOGGER, SafeConsole
 from palpate.trace.recording import LeafRun
 
-FEWEST = 3
-"""Least count of finished steps for an estimate of the remaining time."""
+FEWEST = 3  # Least count of finished steps for an estimate of the remaining time
 
 
 def walk(node: Behaviour, depth: int = 0) -> Iterator[tuple[Behaviour, int]]:
@@ -134,8 +133,7 @@ class RealTime:
 
 log = logging.getLogger(LIVE_LOGGER)
 
-REFRESH_PERIOD = 0.125
-"""s of wall time between two drawings: a person reads no faster."""
+REFRESH_PERIOD = 0.125  # s of wall time between two drawings: a person reads no faster
 ICONS = {
     Status.SUCCESS: ("✓", "green"),
     Status.FAILURE: ("✗", "bold red"),
@@ -144,10 +142,9 @@ ICONS = {
 }
 STOPPED = ("–", "magenta")
 WORDS = {"SUCCESS": "ok", "FAILURE": "FAILED", "INVALID": "stopped"}
+# Characters on each side of a bar's middle, and the vertical force, N, of a full bar. A kilogram
+# and a contact are both visible.
 BAR, BAR_FORCE = 5, 20.0
-"""Characters on each side of a bar's middle, and the vertical force, N, of a full bar. A kilogram
-and a contact are both visible.
-"""
 
 
 class LiveTree:

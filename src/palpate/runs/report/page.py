@@ -42,13 +42,11 @@ if TYPE_CHECKING:
     from palpate.runs.run import Run
 
 
+# Libraries whose versions the page states.
 LIBRARIES = ("mujoco", "mink", "py_trees", "numpy", "scipy")
-"""Libraries whose versions the page states."""
-MAX_IMAGE = 400_000
-"""Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG."""
+MAX_IMAGE = 400_000  # Bytes: larger pictures are scaled down to `IMAGE_WIDTH` and stored as JPEG
 IMAGE_WIDTH = 1280
-PACKING = 4
-"""Compression level of plotly.js, 0 to 9. Level 6 saves 4 % and takes twice as long."""
+PACKING = 4  # Compression level of plotly.js, 0 to 9. Level 6 saves 4 % and takes twice as long.
 
 
 @cache
@@ -160,9 +158,10 @@ VERDICTS = {
     "failed": "Incomplete",
 }
 
+# Link targets: files in the page's folder, without a scheme.
 SAFE_PATH = re.compile(r"[\w.-]+(/[\w.-]+)*")
-"""Link targets: files in the page's folder, without a scheme."""
 
+# Advice after a failure, by the group of the failed primitive.
 ADVICE = {
     "motion": "See what the hand met or what is in its way. Correct the position and size of that thing in the "
     "scene, or move it aside.",
@@ -173,7 +172,6 @@ ADVICE = {
     "conversion": "See that nothing but the plan's objects touched the arm or what it held: what was recorded "
     "does not suffice for a value.",
 }
-"""Advice after a failure, by the group of the failed primitive."""
 
 
 def write_report(path: Path, data: ReportData) -> None:

@@ -22,8 +22,7 @@ from palpate.trace.samples import Trace
 
 Figure = dict[str, Any]
 
-MAX_POINTS = 1500
-"""Largest count of points in a series: about the pixels of a wide screen."""
+MAX_POINTS = 1500  # Largest count of points in a series: about the pixels of a wide screen
 
 X, Y, Z, NORM, FAINT, MARK = "#e5484d", "#30a46c", "#3b82f6", "#8b8d98", "#a1a5b0", "#0d9488"
 """Axes in the colours of robot viewers (x red, y green, z blue); MARK is the page's accent, for
@@ -32,11 +31,10 @@ measurements."""
 GROUPS = {"motion": "#8293a7", "gripper": "#d9a13b", "sensing": "#0d9488", "conversion": "#8b5cf6"}
 FAILED, STOPPED = "#e5484d", "#b0b4bd"
 
+# Bottom and top of each row, as shares of the figure's height.
 FORCE_ROW, HEIGHT_ROW, LEAF_ROW = (0.56, 1.0), (0.17, 0.49), (0.0, 0.09)
-"""Bottom and top of each row, as shares of the figure's height."""
 
-NARROWEST = 0.05
-"""s: least width of a leaf's bar, so that one without duration is visible."""
+NARROWEST = 0.05  # s: least width of a leaf's bar, so that one without duration is visible
 
 
 def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str, str]) -> Figure:

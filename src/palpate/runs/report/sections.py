@@ -20,12 +20,9 @@ from palpate.runs.proof import Proof, Proved, typical
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
-SHOWN = 3
-"""Count of panels for a motion: the signals with the largest effect of the object."""
-GAP = 0.4
-"""s: longest interval between two bins that a line joins."""
-WIDTH, HEIGHT, EDGE = 300.0, 130.0, 8.0
-"""Pixels: size of a panel, and its margin."""
+SHOWN = 3  # Count of panels for a motion: the signals with the largest effect of the object
+GAP = 0.4  # s: longest interval between two bins that a line joins
+WIDTH, HEIGHT, EDGE = 300.0, 130.0, 8.0  # Pixels: size of a panel, and its margin
 
 
 @dataclass(frozen=True, slots=True)
@@ -142,28 +139,23 @@ def polyline(x: Array, y: Array) -> str:
 # Proof of the twin: a line through the goal for each task, with prior, twin and promise.
 
 
-MARGIN = 0.1
-"""Share of half the line that stays free at its end."""
+MARGIN = 0.1  # Share of half the line that stays free at its end
 
 
 @dataclass(frozen=True, slots=True)
 class TaskDrawing:
     """A task as a drawing. Positions are in per cent of a line whose middle is the goal; None for
     results without a position, as a fall.
-
-    Attributes:
-        title, says: name and description of the task.
-        prior, twin: positions.
-        band: start and width of the twin's promise.
-        said: results of prior and twin, and the promise, as text.
     """
 
+    # title, says: name and description of the task.
     title: str
     says: str
+    # prior, twin: positions.
     prior: float | None
     twin: float | None
-    band: tuple[float, float] | None
-    said: tuple[str, str, str]
+    band: tuple[float, float] | None  # start and width of the twin's promise
+    said: tuple[str, str, str]  # results of prior and twin, and the promise, as text
 
 
 def lines(proof: Proof | None) -> list[TaskDrawing]:
@@ -242,8 +234,7 @@ def _in_words(pose: Pose, covariance: Array) -> str:
 
 LEAF = "→"
 LONGEST_LABEL = 160
-NARROWEST = 0.6
-"""Per cent: least width of a leaf, so that one without duration is visible."""
+NARROWEST = 0.6  # Per cent: least width of a leaf, so that one without duration is visible
 
 FATES = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}
 

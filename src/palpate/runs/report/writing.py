@@ -19,10 +19,10 @@ from palpate.runs.report.page import write_report
 from palpate.runs.run import Run
 from palpate.scene.camera import load_image
 
+# Folder of a run's pictures, and their names in it.
 IMAGES, STILLS = "images", ("workspace.png", "before.png", "after.png", "seen.png")
-"""Folder of a run's pictures, and their names in it."""
+# Names of films: seen by a camera (False), or rendered from the trace (True).
 FILMS = {False: "execution.mp4", True: "played-again.mp4"}
-"""Names of films: seen by a camera (False), or rendered from the trace (True)."""
 
 
 def pictures_in(folder: Path, run: Run) -> Pictures:

@@ -16,40 +16,29 @@ from palpate.common.parameter import Parameter
 from palpate.runs.settings import Settings
 
 ROOT = Path(__file__).parent
-FIRST = "bottle_and_table"
-"""The paper's first scenario, also used by the demo."""
+FIRST = "bottle_and_table"  # The paper's first scenario, also used by the demo
+# Files of a scenario's folder, by field of `Settings`. A sub-case shares files that only its
+# parent's folder has.
 FILES = {"scene": "scene.xml", "poses": "poses.yaml", "world": "world.xml"}
-"""Files of a scenario's folder, by field of `Settings`. A sub-case shares files that only its
-parent's folder has.
-"""
 
 
 @dataclass(frozen=True, slots=True)
 class Scenario:
-    """A bundled scenario.
+    """A bundled scenario."""
 
-    Attributes:
-        name: its folder.
-        title, story: for readers.
-        request: R or None.
-        expects: parameters that a correct plan measures.
-        planner: planner of its run.
-        status: status in which a run ends.
-        images: pictures for a model; without any, one of the simulated world is rendered.
-        may_touch: objects that a plan must move in addition to those of the measured parameters.
-        only_seen: True where only a picture resolves the request's objects.
-    """
-
-    name: str
+    name: str  # its folder
+    # title, story: for readers.
     title: str
     story: str
-    request: str | None
-    expects: tuple[Parameter, ...]
-    planner: str
-    status: str
+    request: str | None  # R or None
+    expects: tuple[Parameter, ...]  # parameters that a correct plan measures
+    planner: str  # planner of its run
+    status: str  # status in which a run ends
+    # Pictures for a model; without any, one of the simulated world is rendered.
     images: tuple[Path, ...] = ()
+    # Objects that a plan must move in addition to those of the measured parameters.
     may_touch: tuple[str, ...] = ()
-    only_seen: bool = False
+    only_seen: bool = False  # True where only a picture resolves the request's objects
 
     @property
     def asks(self) -> bool:
