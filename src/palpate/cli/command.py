@@ -67,8 +67,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
 
 
 class SingleValued(TyperCommand):
-    """Command that refuses an option of one value that is given twice. click uses the last
-    value."""
+    """Command that refuses an option of one value that is given twice. click uses the last value."""
 
     def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
         # Parse once to count the options, before click merges them.

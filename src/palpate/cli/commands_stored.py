@@ -105,11 +105,7 @@ def estimate(
 
 
 def _estimator(text: str) -> tuple[str, str]:
-    """Parse `QUANTITY=NAME`.
-
-    Raises:
-        InputError: another form.
-    """
+    """Parse `QUANTITY=NAME`. Raises InputError: another form."""
     quantity, _, name = (part.strip() for part in text.partition("="))
     if not (quantity and name):
         raise InputError(f"--estimator takes QUANTITY=NAME, not '{text}'")
@@ -117,11 +113,7 @@ def _estimator(text: str) -> tuple[str, str]:
 
 
 def _window(text: str) -> tuple[float, float]:
-    """Parse `12.0-18.5`, s.
-
-    Raises:
-        InputError: another form.
-    """
+    """Parse `12.0-18.5`, s. Raises InputError: another form."""
     start, _, stop = text.partition("-")
     try:
         return float(start), float(stop)
@@ -132,11 +124,7 @@ def _window(text: str) -> tuple[float, float]:
 
 
 def _hand(text: str | None) -> float | Literal["found"] | None:
-    """Parse a mass in kg, or `found`.
-
-    Raises:
-        InputError: neither.
-    """
+    """Parse a mass in kg, or `found`. Raises InputError: neither."""
     if text is None or text == "found":
         return text
     try:

@@ -73,9 +73,7 @@ def print_json(content: Any) -> None:
 
 
 def print_error(error: PalpateError, as_json: bool) -> int:
-    """Print an error as a line on stderr; with `as_json` also as an object on stdout. Return the
-    exit status.
-    """
+    """Print an error as a line on stderr; with `as_json` also as an object on stdout. Return the exit status."""
     status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
         with printing():
@@ -103,9 +101,7 @@ def aside(line: str) -> None:
 
 @contextmanager
 def printing() -> Generator[None]:
-    """Print results inside the block. A failure to print is reported on stderr, and the exit status
-    stays.
-    """
+    """Print results inside the block. A failure to print is reported on stderr, and the exit status stays."""
     try:
         yield
         sys.stdout.flush()
@@ -117,8 +113,7 @@ def printing() -> Generator[None]:
 
 
 class Ticker:
-    """Progress line on stderr: rewritten in place on a terminal, else a new line from time to
-    time."""
+    """Progress line on stderr: rewritten in place on a terminal, else a new line from time to time."""
 
     EVERY = 30.0  # s: interval of lines that are not rewritten
 
@@ -162,8 +157,7 @@ def ask_yes_no(question: str, default: bool = False) -> bool:
 
 
 def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False) -> Table:
-    """Make a table without rules: names in the first column, right-aligned figures in the
-    others."""
+    """Make a table without rules: names in the first column, right-aligned figures in the others."""
     table = Table(title=title, title_justify="left", box=None, header_style="dim", pad_edge=False)
     names, *figures = headings
     table.add_column(names, no_wrap=no_wrap)

@@ -55,8 +55,7 @@ class DoctorLine(NamedTuple):
 
 
 def examine() -> int:
-    """Print the table. Return 0 if the embedded robot and the symbolic planner are usable, else
-    5."""
+    """Print the table. Return 0 if the embedded robot and the symbolic planner are usable, else 5."""
     from palpate.runs.tools import gl_available
 
     system = f"Python {platform.python_version()} on {platform.system()} {platform.machine()}"

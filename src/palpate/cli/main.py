@@ -129,9 +129,7 @@ def _report_error(error: Exception) -> int:
 
 
 def usage(error: Any, as_json: bool = False) -> int:
-    """Print a usage error in the command line library's words, with --json also as JSON. Return the
-    exit status.
-    """
+    """Print a usage error in the command line library's words, with --json also as JSON. Return the exit status."""
     from palpate.cli.console import print_failure, printing
     from palpate.common.display import visible
 

@@ -58,9 +58,7 @@ _DECLARED = tuple(iter_options(Settings))
 
 @dataclass(frozen=True)
 class FromSettings:
-    """Annotation of a command's parameter: the command takes these fields of the settings as
-    options.
-    """
+    """Annotation of a command's parameter: the command takes these fields of the settings as options."""
 
     # Fields, with a dot before those of a nested one, `model_settings.base_url`; the name of a
     # nested one alone includes all of its options.
@@ -81,8 +79,7 @@ class FromSettings:
             )
 
     def gather(self, values: dict[str, Any]) -> Given:
-        """Take these fields out of a command's arguments. Lists that were not given are left
-        out."""
+        """Take these fields out of a command's arguments. Lists that were not given are left out."""
         found: Given = {}
         for name in (one.name for one in self._chosen()):
             value = values.pop(_flat(name))
@@ -108,11 +105,7 @@ def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSett
 
 
 def one_scene(argument: Path | None, given: Given) -> Given:
-    """Add the scene that was given as an argument to the fields.
-
-    Raises:
-        InputError: two scenes.
-    """
+    """Add the scene that was given as an argument to the fields. Raises InputError: two scenes."""
     if argument is None:
         return given
     if "scene" in given:
@@ -126,8 +119,7 @@ def _flat(name: str) -> str:
 
 
 def _kind(hint: Any) -> Any:
-    """Type of an option for typer: several values are a list, `QUANTITY=VALUE` entries are
-    texts."""
+    """Type of an option for typer: several values are a list, `QUANTITY=VALUE` entries are texts."""
     if get_origin(hint) in (tuple, frozenset):
         return list[get_args(hint)[0]] | None
     return list[str] | None if hint is Any else hint

@@ -25,9 +25,7 @@ if TYPE_CHECKING:
 
 
 def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
-    """Print a plan: parameters, tree in the paper's notation, explanation, findings. Write it to a
-    file as well.
-    """
+    """Print a plan: parameters, tree in the paper's notation, explanation, findings. Write it to a file as well."""
     from palpate.runs.result import finding_json, plan_text
 
     text = plan_text(plan.made)

@@ -103,8 +103,7 @@ def confirm_proposal(run: Run) -> bool:
 
 
 def unless(yes: bool, ask: Confirm) -> Confirm:
-    """Make a callback that asks for permission to move, unless it was given beforehand
-    (`--yes`)."""
+    """Make a callback that asks for permission to move, unless it was given beforehand (`--yes`)."""
 
     def may_move(run: Run) -> bool:
         return yes or ask(run)

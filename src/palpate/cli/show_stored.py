@@ -54,9 +54,7 @@ def show_estimates(
 
 
 def show_objection(estimate: Estimate) -> None:
-    """Print the contradiction of an estimate, or the reason for a missing or prior-dominated value,
-    with the axes.
-    """
+    """Print the contradiction of an estimate, or the reason for a missing or prior-dominated value, with the axes."""
     name = escape(str(estimate.parameter))
     if estimate.contradiction:
         out.prose(f"[bold red]contradicted[/] {name}: {escape(in_flags(estimate.contradiction))}")

@@ -119,8 +119,7 @@ class TrialOptions:
         given: Given,
         as_json: bool,
     ) -> None:
-        """Carry out a study of planners, write its page, and print its table next to the published
-        one."""
+        """Carry out a study of planners, write its page, and print its table next to the published one."""
         from palpate.cli.show_studies import show_trials
         from palpate.studies.attempt import Conditions
         from palpate.studies.planners_page import write_page

@@ -23,8 +23,7 @@ _NUMBER = re.compile(r"([-+]?(?:\d+(?:\.\d*)?|\.\d+))\s*(mm|cm|m|°)?")
 
 
 def give_lesson(asked: Settings, file: Path) -> None:
-    """Read lines from stdin, print their interpretation and the missing objects, and write the
-    file.
+    """Read lines from stdin, print their interpretation and the missing objects, and write the file.
 
     Raises:
         InputError: the file exists.

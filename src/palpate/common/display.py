@@ -36,11 +36,7 @@ def visible(text: str) -> str:
 
 
 def json_text(content: Any, indent: int | None = None) -> str:
-    """Dump strict JSON (no NaN) with every control character escaped.
-
-    Raises:
-        ValueError: a number is not finite.
-    """
+    """Dump strict JSON (no NaN) with every control character escaped. Raises ValueError: a number is not finite."""
     text = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     return _UNSEEN.sub(_json_escape, text)
 
@@ -71,11 +67,7 @@ def _json_escape(found: re.Match[str]) -> str:
 
 
 def data_frame(columns: Mapping[str, Any]) -> DataFrame:
-    """Make a pandas data frame from columns of equal length.
-
-    Raises:
-        Unavailable: pandas is not installed.
-    """
+    """Make a pandas data frame from columns of equal length. Raises Unavailable: pandas is not installed."""
     try:
         from pandas import DataFrame  # pyright: ignore[reportMissingModuleSource]
     except ImportError:

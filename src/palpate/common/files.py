@@ -44,11 +44,7 @@ def require_regular(path: Path, limit: int, what: str) -> None:
 
 @contextmanager
 def open_with_limit(path: Path, limit: int, what: str) -> Generator[BinaryIO]:
-    """Open a file of at most `limit` bytes for reading.
-
-    Raises:
-        InputError: as `require_regular`.
-    """
+    """Open a file of at most `limit` bytes for reading. Raises InputError: as `require_regular`."""
     require_regular(path, limit, what)
     try:
         descriptor = os.open(path, os.O_RDONLY | _FLAGS)
@@ -76,11 +72,7 @@ def read_bytes(path: Path, limit: int, what: str) -> bytes:
 
 
 def read_text(path: Path, limit: int, what: str) -> str:
-    """Read and decode a file, as `read_bytes`.
-
-    Raises:
-        InputError: as `read_bytes`; also when it is not UTF-8.
-    """
+    """Read and decode a file, as `read_bytes`. Raises InputError: as `read_bytes`; also when it is not UTF-8."""
     try:
         return read_bytes(path, limit, what).decode("utf-8")
     except UnicodeDecodeError as error:
@@ -110,11 +102,7 @@ def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
 
 
 def write_new(path: Path, content: str | bytes) -> None:
-    """Write a new file; text as UTF-8.
-
-    Raises:
-        InputError: it exists, or cannot be written.
-    """
+    """Write a new file; text as UTF-8. Raises InputError: it exists, or cannot be written."""
     try:
         with path.open("xb") as file:
             file.write(content.encode() if isinstance(content, str) else content)
@@ -199,11 +187,7 @@ class Section(BaseModel):
 
 
 def plain_number(value: Any) -> Any:
-    """Validate a key that takes a number.
-
-    Raises:
-        ValueError: a truth value.
-    """
+    """Validate a key that takes a number. Raises ValueError: a truth value."""
     # YAML reads `1e-3` as a text, which pydantic converts, and `yes` as a truth value.
     if isinstance(value, bool):
         raise ValueError("give a number")

@@ -43,9 +43,7 @@ class Parameter:
 
 
 class ByParameter(Generic[T]):
-    """Container with one entry per parameter: `run["mug.mass"]`, `list(run)`, `len(run)`, `"mug.mass" in
-    run`.
-    """
+    """Container with one entry per parameter: `run["mug.mass"]`, `list(run)`, `len(run)`, `"mug.mass" in run`."""
 
     __slots__ = ()
     # Predicate for a name without an entry, before the list of names with one.

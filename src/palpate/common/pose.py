@@ -168,11 +168,7 @@ class PoseLine:
         return cls(line.pose, line.along, line.least, line.most, line.nearest(point))
 
     def at(self, place: float) -> Pose:
-        """Return the pose at `place`, m along.
-
-        Raises:
-            InputError: outside the segment.
-        """
+        """Return the pose at `place`, m along. Raises InputError: outside the segment."""
         if not self.least - ROUNDING <= place <= self.most + ROUNDING:
             raise InputError(
                 f"{1e3 * place:.0f} mm along is outside {1e3 * self.least:.0f} to "
@@ -250,9 +246,7 @@ class Joint:
         return self.kind == "slide"
 
     def room(self, sign: float) -> float:
-        """Compute the travel, m or rad, from the present position to the upper limit (1) or the lower
-        (-1).
-        """
+        """Compute the travel, m or rad, from the present position to the upper limit (1) or the lower (-1)."""
         return self.high - self.position if sign > 0.0 else self.position - self.low
 
     def unit(self, per: str = "") -> str:
@@ -287,9 +281,7 @@ class Joint:
         return 1.0 if self.is_slide else float(np.linalg.norm(self._radius(point[None])))
 
     def direction(self, point: Array) -> Array:
-        """Compute the unit direction (3,) in which a point (3,), world, moves as the joint's position
-        grows.
-        """
+        """Compute the unit direction (3,) in which a point (3,), world, moves as the joint's position grows."""
         if self.is_slide:
             return self.axis
         # Velocity of a point on a hinge: axis × radius.

@@ -60,11 +60,7 @@ class Interrupts:
         return f"<Interrupts: {self._count} so far>"
 
     def take(self, number: int, _frame: FrameType | None = None) -> None:
-        """Handle a signal.
-
-        Raises:
-            Interrupted: it is not deferred, or an earlier signal is still pending.
-        """
+        """Handle a signal. Raises Interrupted: it is not deferred, or an earlier signal is still pending."""
         # A second signal while one is pending is raised at once.
         pending = self._handled < self._count
         self._count += 1
@@ -111,9 +107,7 @@ class Interrupts:
             raise Interrupted(self.reason)
 
     def pressed(self) -> int:
-        """Return the number of signals since the outermost `defer` block began; they count as handled
-        now.
-        """
+        """Return the number of signals since the outermost `defer` block began; they count as handled now."""
         self._handled = self._count
         return self._count - self._before
 
@@ -192,8 +186,7 @@ GRACE = 2.0  # s in which a terminated copy can remove its files
 
 
 class Beside(Generic[T]):
-    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends the
-    copy.
+    """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends the copy.
 
     Without a copy, or if it fails, `result()` does the work in this process.
     """

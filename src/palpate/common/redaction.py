@@ -88,9 +88,7 @@ def _keys() -> tuple[str, ...]:
 
 @lru_cache(maxsize=64)
 def _spread(key: str) -> re.Pattern[str]:
-    """Return the pattern of the key with each character plain or escaped (JSON, URL, XML) and separators
-    between.
-    """
+    """Return the pattern of the key with each character plain or escaped (JSON, URL, XML) and separators between."""
     return re.compile(_BETWEEN.join(_spellings(character) for character in key))
 
 

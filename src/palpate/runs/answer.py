@@ -144,9 +144,7 @@ def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
 def _word_answer(
     first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1
 ) -> str:
-    """Word the order of two sides. With a `subject`, the answer is yes if it is the first side,
-    else no.
-    """
+    """Word the order of two sides. With a `subject`, the answer is yes if it is the first side, else no."""
     figures = f"{first} against {second}{unit}"
     # Beyond the threshold the order stays open.
     chance = tails * _chance(first, second)
@@ -199,9 +197,7 @@ def _words(text: str) -> list[str]:
 
 
 def _std(first: _Side, second: _Side | None = None) -> float:
-    """Standard deviation of the first side, or of its difference from the second. Errors that both
-    share cancel.
-    """
+    """Standard deviation of the first side, or of its difference from the second. Errors that both share cancel."""
     # Variance of a weighted sum with weights +1 and -1.
     plus, minus = first.estimates, second.estimates if second is not None else ()
     if not (plus or minus):

@@ -192,8 +192,7 @@ class Scene(InnerScene):
         within: Widths | None = None,
         model_settings: ModelSettings | None = None,
     ) -> Plan:
-        """Plan the measurement of everything that the request asks and the scene does not state;
-        check the plan.
+        """Plan the measurement of everything that the request asks and the scene does not state; check the plan.
 
         Args:
             request: what you want to simulate, in your words; None asks for everything missing.
@@ -229,8 +228,7 @@ class Scene(InnerScene):
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """Remarks on the reading: interpretations, omissions, and reasons why nothing may be
-        missing."""
+        """Remarks on the reading: interpretations, omissions, and reasons why nothing may be missing."""
         return remarks(self)
 
     def _repr_html_(self) -> str:

@@ -100,8 +100,7 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
 def replay_of(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Replay | None:
-    """Make the execution, in a given world, of the parts of a plan that are compared; None if
-    nothing was recorded.
+    """Make the execution, in a given world, of the parts of a plan that are compared; None if nothing was recorded.
 
     Args:
         plan: executed.
@@ -131,8 +130,7 @@ def replay_of(
 def _parts(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Iterator[PlanPart]:
-    """Cut a plan into parts. Each ends with a recording and begins at a rest before the next
-    one."""
+    """Cut a plan into parts. Each ends with a recording and begins at a rest before the next one."""
     leaves, recordings = trace.leaves, trace.recordings
     if not recordings:
         return
@@ -165,8 +163,7 @@ def _parts(
 
 
 def _compared_interval(trace: Trace, recording: Recording, since: float) -> tuple[float, float]:
-    """First and last robot time, s, of a recording and of the empty-hand motions that it is
-    compared with.
+    """First and last robot time, s, of a recording and of the empty-hand motions that it is compared with.
 
     These are the motions after `since` and before the recording, or else the first one after it. If
     no motion is after `since`, all are candidates.
@@ -193,9 +190,7 @@ def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[E
 
 
 def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
-    """Indices of motions before which the open hand is at rest in free air and no object was
-    displaced.
-    """
+    """Indices of motions before which the open hand is at rest in free air and no object was displaced."""
     is_open = False
     for i, (leaf, after) in enumerate(pairwise(leaves), 1):
         now, then = leaf.context, after.context

@@ -56,9 +56,7 @@ class RunCallbacks:
     looked: Callable[[Seen], bool] = allow
 
     def unfailing(self) -> RunCallbacks:
-        """Return the same callbacks; those that only show ignore failures, e.g. of a closed
-        terminal.
-        """
+        """Return the same callbacks; those that only show ignore failures, e.g. of a closed terminal."""
         return replace(
             self,
             progress=_unfailing(self.progress),

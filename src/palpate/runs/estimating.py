@@ -85,8 +85,7 @@ def estimates(
 
 
 def _unmeasured(made: Run) -> Iterator[Estimate]:
-    """Make estimates without a value for the requested parameters that the plan does not
-    measure."""
+    """Make estimates without a value for the requested parameters that the plan does not measure."""
     for one in made.plan.unmeasured:
         yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
 
@@ -121,9 +120,7 @@ def judge_object(made: Run, name: str) -> Judged | None:
 def _select_still_valid(
     early: Mapping[str, Judged], scene: Scene, trace: Trace | None
 ) -> dict[str, Judged]:
-    """Select the estimates whose evidence is still the same at the end; none of a run that was
-    interrupted.
-    """
+    """Select the estimates whose evidence is still the same at the end; none of a run that was interrupted."""
     # An execution with a failure changes which recordings count as evidence.
     if trace is None or sound(trace) is not trace:
         return {}
@@ -135,9 +132,7 @@ def _select_still_valid(
 
 
 def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
-    """Digest of all data for the estimates of an object: its pose and known values in the scene,
-    and its evidence.
-    """
+    """Digest of all data for the estimates of an object: its pose and known values in the scene, and its evidence."""
     # Everything that an estimator reads of the object: pose, covariance, known values, recordings.
     body = scene.bodies[name]
     believed = (body.pose_world.vector, body.tipped.vector, body.covariance, dict(body.known))
@@ -220,9 +215,7 @@ def with_views(made: Run) -> Run:
 
 
 def _annotate(made: Run, estimate: Estimate) -> Estimate:
-    """Note in the estimate's method an interval wider than requested, and a truth drawn from
-    priors.
-    """
+    """Note in the estimate's method an interval wider than requested, and a truth drawn from priors."""
     estimate = made.settings.within.told(estimate)
     if not made.drawn:
         return estimate
@@ -264,8 +257,7 @@ def _validate(
 
 
 class Ahead:
-    """Estimates made by copies of this process, on processors that are idle while a simulated arm
-    moves.
+    """Estimates made by copies of this process, on processors that are idle while a simulated arm moves.
 
     They are equal to those made at the end. The caller compares the evidence before it uses them
     (`Judged.key`).

@@ -104,9 +104,7 @@ def watch_state(settled: Settled, see: See | None) -> Settled:
 
 
 def eye(made: Run, cell: Cell) -> See | None:
-    """Make the looks of the settings' camera; None without one, and of a file, which shows nothing
-    new.
-    """
+    """Make the looks of the settings' camera; None without one, and of a file, which shows nothing new."""
     source = made.settings.camera
     if source is None:
         return None

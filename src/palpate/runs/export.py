@@ -85,11 +85,7 @@ def proof_json(proof: Proof) -> dict[str, Any]:
 
 
 def read_proof(folder: Path) -> Proof | None:
-    """Read the proof in a run folder, if any.
-
-    Raises:
-        InputError: the file is not a proof.
-    """
+    """Read the proof in a run folder, if any. Raises InputError: the file is not a proof."""
     file = folder / PROOF
     if not file.exists():
         return None

@@ -38,8 +38,7 @@ def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
 
 
 def in_a_line(estimate: Estimate) -> str:
-    """Format only the values, with names of components and without a unit: `x 0.0647, y
-    −0.0005`."""
+    """Format only the values, with names of components and without a unit: `x 0.0647, y −0.0005`."""
     return ", ".join(
         f"{figure.axis} {figure.limit or figure.value}".strip() for figure in figures(estimate)
     )

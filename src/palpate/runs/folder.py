@@ -62,11 +62,7 @@ def check_writable(path: Path) -> None:
 
 
 def growing_folder(path: Path) -> None:
-    """Make the folder of a run that begins.
-
-    Raises:
-        InputError: it exists or cannot be made.
-    """
+    """Make the folder of a run that begins. Raises InputError: it exists or cannot be made."""
     _check_free(path)
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
@@ -204,8 +200,7 @@ def write_text(path: Path, text: str) -> None:
 
 
 def write_files(run: Run, scratch: Path, folder: Path) -> None:
-    """Write plan, conversation, scene, tree, trace, twin and result into `scratch`, which will
-    become `folder`."""
+    """Write plan, conversation, scene, tree, trace, twin and result into `scratch`, which will become `folder`."""
     write_plan(run, scratch)
     write_trace(run, scratch)
     write_twin(run, scratch)

@@ -197,9 +197,7 @@ def differences(one: Run, other: Run) -> Iterator[str]:
 
 
 def _other_world(one: Run, other: Run) -> Iterator[str]:
-    """Describe the difference of two simulated worlds: another file, or another draw from the
-    priors.
-    """
+    """Describe the difference of two simulated worlds: another file, or another draw from the priors."""
     worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
     # Two draws are one world only with the same seed.
     drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]

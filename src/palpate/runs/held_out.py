@@ -72,9 +72,7 @@ class HeldOutMotion:
 
     @property
     def agrees(self) -> bool:
-        """True if weight and balance agree with the prediction. Remaining torques may come from the
-        arm itself.
-        """
+        """True if weight and balance agree with the prediction. Remaining torques may come from the arm itself."""
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
@@ -183,17 +181,13 @@ def usable(estimate: Estimate) -> bool:
 
 
 def stated_as(parameter: Parameter) -> Parameter:
-    """Convert to the parameter that the file states: `com` for `com_3d`, whose tilts a held-out
-    motion may lack.
-    """
+    """Convert to the parameter that the file states: `com` for `com_3d`, whose tilts a held-out motion may lack."""
     quantity = catalogue().get(parameter.quantity)
     return parameter if quantity is None else Parameter(parameter.object, quantity.known_as())
 
 
 def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
-    """Yield the recordings of forces while an object, or the one called `name`, was held still in
-    the air.
-    """
+    """Yield the recordings of forces while an object, or the one called `name`, was held still in the air."""
     for recording in trace.recordings:
         context = recording.context
         held = context.holding is not None and name in (None, context.holding)
@@ -202,9 +196,7 @@ def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
 
 
 def cut_of(trace: Trace, name: str) -> HoldOut | None:
-    """Choose the interval to hold out: the last of several lifts, else the way down after the
-    measurement.
-    """
+    """Choose the interval to hold out: the last of several lifts, else the way down after the measurement."""
     # Find the lifts in which the object was held still at least once.
     grasps = load_rows(trace, name).grasps
     lifts: list[HoldOut] = []

@@ -140,11 +140,7 @@ class Keeper:
             self.fell_short(failure, error)
 
     def samples(self, samples: Samples, recorded: GrowingRecorder) -> None:
-        """Append samples to the growing trace.
-
-        Raises:
-            OSError: the disk is full or missing.
-        """
+        """Append samples to the growing trace. Raises OSError: the disk is full or missing."""
         if self.folder is None:
             return
         # Open the file with the first samples.

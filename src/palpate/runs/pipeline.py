@@ -189,8 +189,7 @@ class _Steps:
     reel: Reel | None = None  # film that is being rendered
 
     def finished(self, made: Run) -> Run:
-        """Carry out all stages after the execution, from the one that is due. A signal ends
-        them."""
+        """Carry out all stages after the execution, from the one that is due. A signal ends them."""
         # Stages in their order; a reopened run begins at the one that was interrupted.
         steps: dict[Stage, Step] = {
             "estimating": self.estimates,

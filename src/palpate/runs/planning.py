@@ -41,9 +41,7 @@ def preflight(settings: Settings) -> None:
 
 
 def load(settings: Settings) -> Scene | None:
-    """Load the scene with its poses; None if the settings name none. Check that images are
-    readable.
-    """
+    """Load the scene with its poses; None if the settings name none. Check that images are readable."""
     for image in settings.images:
         load_image(image)
     if settings.scene is None:
@@ -187,8 +185,7 @@ def _is_real(made: Run, cell: Cell | None) -> bool:
 
 
 def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
-    """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no
-    confirmation.
+    """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no confirmation.
 
     Raises:
         ExecutionAborted: the plan was not confirmed.
@@ -277,8 +274,7 @@ def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
 
 
 def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
-    """Add a note if the parameters of a plan differ from those that the symbolic planner reads from
-    the request.
+    """Add a note if the parameters of a plan differ from those that the symbolic planner reads from the request.
 
     The plan is one of a model or a file. It stays unchanged: its author decides the meaning of the
     request.

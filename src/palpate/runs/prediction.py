@@ -102,9 +102,7 @@ class Predicted:
 def known_value(
     estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
 ) -> Believed | None:
-    """Convert the estimate made without the motion, else the value that the scene states; None
-    without either.
-    """
+    """Convert the estimate made without the motion, else the value that the scene states; None without either."""
     # A stated value counts as exact.
     if estimate is None and stated is not None:
         n = len(stated)
@@ -227,9 +225,7 @@ def predict_segments(
 
 
 def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, signals: int) -> Array:
-    """Covariance of the arm's errors in n rows, (n, n): noise and drift, horizontal forces, gains,
-    friction.
-    """
+    """Covariance of the arm's errors in n rows, (n, n): noise and drift, horizontal forces, gains, friction."""
     # Horizontal force of a tilted support, in proportion to the weight, plus the floor of the noise.
     design = rows.wrench[:, LOAD]
     tilt = TILT * abs(float(wrench.value[0])) + FLOOR

@@ -128,8 +128,7 @@ def prove(
     seed: int = 0,
     draws: int = DRAWS,
 ) -> Proof:
-    """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not
-    known.
+    """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not known.
 
     Raises:
         InputError: neither an object was measured, nor its support, nor a drawer or a door.
@@ -172,9 +171,7 @@ def prove(
 
 @dataclass(frozen=True, slots=True)
 class _Worlds(Generic[World]):
-    """Worlds of one object or fixture: planned in `prior` and `twin`, carried out in `judges` and
-    `drawn`.
-    """
+    """Worlds of one object or fixture: planned in `prior` and `twin`, carried out in `judges` and `drawn`."""
 
     prior: World
     twin: World
@@ -182,9 +179,7 @@ class _Worlds(Generic[World]):
     drawn: Sequence[World]
 
     def prove_task(self, name: str, kinds: Sequence[type[Task[World]]]) -> Proved | None:
-        """Plan and carry out the first of `kinds` that can be done in the twin, in the first
-        possible direction.
-        """
+        """Plan and carry out the first of `kinds` that can be done in the twin, in the first possible direction."""
         for task in (kind(way) for kind in kinds for way in kind.ways):
             action = task.plan(self.twin)
             if action is not None:
@@ -221,9 +216,7 @@ def _acts_on(scene: Scene, name: str, values: Values) -> bool:
 
 
 def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, Array]:
-    """Standard deviations (n,) of each written value. The value may be a part of the estimate of
-    another quantity.
-    """
+    """Standard deviations (n,) of each written value. The value may be a part of the estimate of another quantity."""
     # Own estimates first, then parts of the estimates of other quantities.
     found = {each.parameter: each.stds for each in estimates}
     for parameter in values.keys() - found.keys():

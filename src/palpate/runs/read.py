@@ -170,11 +170,7 @@ def _or(number: float | None, default: float) -> float:
 
 
 def estimate_from(row: Mapping[str, Any]) -> Estimate:
-    """Read the output of `parameter_json`.
-
-    Raises:
-        ValueError: a standard deviation is negative.
-    """
+    """Read the output of `parameter_json`. Raises ValueError: a standard deviation is negative."""
     # Refuse impossible deviations before they reach a fusion.
     stds = _numbers(row["std"])
     if (stds < 0.0).any():

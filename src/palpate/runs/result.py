@@ -134,8 +134,7 @@ def plan_text(run: Run) -> str:
 
 
 def parameter_json(estimate: Estimate) -> dict[str, Any]:
-    """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown
-    values."""
+    """Estimate as JSON: scalars for quantities of one component, lists for the others, null for unknown values."""
     # Verdicts by axis, for quantities of several components.
     several = len(estimate.values) > 1
     axes = dict(zip(axes_of(len(estimate.values)), estimate.verdicts, strict=True))

@@ -88,8 +88,7 @@ def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> R
 
 
 def save(made: Run, folder: Path | None = None) -> Run:
-    """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and
-    images.
+    """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and images.
 
     `folder` must not exist; by default it is the settings' `out`, else a new one under `runs`.
 

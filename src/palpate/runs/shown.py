@@ -74,8 +74,7 @@ def _cell(run: Run, trace: Trace) -> Iterator[Message]:
 
 
 def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[Message]:
-    """Yield the transforms of the moving links from their parents, for world poses (n, bodies,
-    7)."""
+    """Yield the transforms of the moving links from their parents, for world poses (n, bodies, 7)."""
     from palpate.twin.export_facts import body_name
 
     layout = Layout()
@@ -99,9 +98,7 @@ def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[M
 
 
 def _from(parent: Array, child: Array) -> Array:
-    """Relative pose parent⁻¹ · child (n, 7) of two world poses, rounded to single precision for a
-    small file.
-    """
+    """Relative pose parent⁻¹ · child (n, 7) of two world poses, rounded to single precision for a small file."""
     # Rotate the offset into the parent's frame by the conjugate quaternion: q* p q.
     back = parent[:, 3:] * (1.0, -1.0, -1.0, -1.0)
     way = np.column_stack([np.zeros(len(child)), child[:, :3] - parent[:, :3]])

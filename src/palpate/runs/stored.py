@@ -74,8 +74,7 @@ def planner_name(planner: str | Planner) -> str:
 
 
 def contents_of(thing: Any, kind: type) -> dict[str, Any]:
-    """Values of the fields of the dataclass `kind` in an instance of it, to construct a
-    subclass."""
+    """Values of the fields of the dataclass `kind` in an instance of it, to construct a subclass."""
     return {part.name: getattr(thing, part.name) for part in fields(kind) if part.init}
 
 

@@ -63,8 +63,7 @@ class Task(ABC, Generic[World]):
 
     @abstractmethod
     def reached(self, world: World, action: float) -> float:
-        """Result of an action in a world, in `unit`; not finite if the task fails in another
-        way."""
+        """Result of an action in a world, in `unit`; not finite if the task fails in another way."""
 
 
 class OfObject(Task[PhysicsTrial]):
@@ -76,9 +75,7 @@ class OfObject(Task[PhysicsTrial]):
 
 
 class Slide(OfObject):
-    """Slide to a mark after a push. The action is the force, N. Mass and friction determine where
-    it stops.
-    """
+    """Slide to a mark after a push. The action is the force, N. Mass and friction determine where it stops."""
 
     name = "push to a mark"
     says = "a push of 0.2 s near its foot shall slide it 100 mm"
@@ -86,9 +83,7 @@ class Slide(OfObject):
     goal = 0.1
 
     def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Distance in the direction of the push; infinite for an object that tips over or falls
-        off.
-        """
+        """Distance in the direction of the push; infinite for an object that tips over or falls off."""
         done = world.run(
             lambda data: action * self.way * (data.time < 0.2),
             world.at(LOW),
@@ -118,9 +113,7 @@ class SpringPush(OfObject):
         return self.goal / 2, 4 * self.goal
 
     def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Distance in the direction of the push; infinite for an object that tips over or falls
-        off.
-        """
+        """Distance in the direction of the push; infinite for an object that tips over or falls off."""
 
         def force(data: mujoco.MjData) -> Array:
             # Force of spring and damper between arm and object; it only pushes.
@@ -216,9 +209,7 @@ def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
 
 
 def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
-    """Find the smallest action that suffices, by doubling from `first` and bisection; None if
-    `most` is too small.
-    """
+    """Find the smallest action that suffices, by doubling from `first` and bisection; None if `most` is too small."""
     # Bracket the threshold by doubling.
     low, high = 0.0, first
     while not suffices(high):

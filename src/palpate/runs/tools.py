@@ -123,8 +123,7 @@ def tag_sheet(path: Path, numbers: str, side: float) -> int:
 
 
 def write_excitation(arm: str, path: Path) -> list[str]:
-    """Write a motion of an arm that excites a load into a new file; return the instructions for its
-    recording.
+    """Write a motion of an arm that excites a load into a new file; return the instructions for its recording.
 
     Raises:
         InputError: no such arm, or the file exists or cannot be written.
@@ -201,8 +200,7 @@ def prompt(settings: Settings) -> Prompt:
 
 
 def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
-    """Format a tree in the paper's notation, one line a node: {-} Sequence, /_/ Parallel, →
-    action."""
+    """Format a tree in the paper's notation, one line a node: {-} Sequence, /_/ Parallel, → action."""
     indent = "    " * depth
     if node.type in COMPOSITES:
         yield f"{indent}{COMPOSITES[node.type].symbol} {node.type}"
@@ -219,8 +217,7 @@ def units() -> dict[str, str]:
 
 
 def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
-    """Write the scene that a model detects in a picture, with its poses. The model's plan is not
-    used.
+    """Write the scene that a model detects in a picture, with its poses. The model's plan is not used.
 
     Raises:
         InputError: no picture, no camera, a planner that is not a model, nothing detected, or a

@@ -285,8 +285,7 @@ def hand_of(url: str, scene: Scene) -> Pose:
 
 
 def require_seen(made: Run, seen: Seen | None) -> Run:
-    """Require that the camera saw every object that the plan touches, and add the notes of the
-    look.
+    """Require that the camera saw every object that the plan touches, and add the notes of the look.
 
     Raises:
         InputError: the plan touches objects that were not seen.

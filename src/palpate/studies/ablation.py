@@ -55,9 +55,7 @@ SEVERAL = "kinds"
 
 
 def chosen(names: Sequence[str]) -> list[str]:
-    """Expand scenario names: `all` is every scenario with a request for a planner, `kinds` is
-    `KINDS`.
-    """
+    """Expand scenario names: `all` is every scenario with a request for a planner, `kinds` is `KINDS`."""
     found: list[str] = []
     for name in names:
         if name == EVERY:
@@ -80,9 +78,7 @@ def ablation(
     say: Callable[[str], None] = lambda _: None,
     prompts: Iterable[str] = ("full",),
 ) -> list[TrialRecord]:
-    """Run `trials` trials of every configuration, prompt, planner and scenario; append the results
-    to `file`.
-    """
+    """Run `trials` trials of every configuration, prompt, planner and scenario; append the results to `file`."""
     # All trials share the conditions; pictures are saved next to the results.
     conditions = replace(conditions, beside=file)
     critic = conditions.model_settings.critic or ""
@@ -116,9 +112,7 @@ def repeatability(
     say: Callable[[str], None] = lambda _: None,
     prompts: Iterable[str] = ("full",),
 ) -> list[TrialRecord]:
-    """Run `trials` trials of the whole prompt with every planner in every scenario; append the
-    results to `file`.
-    """
+    """Run `trials` trials of the whole prompt with every planner in every scenario; append the results to `file`."""
     return ablation(names, planners, file, conditions, trials, ["full"], in_flight, say, prompts)
 
 

@@ -126,8 +126,7 @@ class StudyCase:
 
 
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
-    """Run all seeds, in order. Each run is deterministic, and independent of the count of
-    workers."""
+    """Run all seeds, in order. Each run is deterministic, and independent of the count of workers."""
     return spread(partial(run_seed, settings), seeds, workers)
 
 

@@ -129,8 +129,7 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
 
 
 def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
-    """Ratio of stated standard deviation to actual error, a row for each parameter, with 95 %
-    intervals.
+    """Ratio of stated standard deviation to actual error, a row for each parameter, with 95 % intervals.
 
     The target range is shaded. The axis is logarithmic.
     """
@@ -200,8 +199,7 @@ def coverage_curve(name: str, group: Sequence[ScoredEstimate], colour: str, widt
 
 
 def scatter(points: Mapping[str, Sequence[tuple[str, float, float]]]) -> Figure:
-    """Root mean square error against mean stated standard deviation, SI units, a colour for each
-    noise model.
+    """Root mean square error against mean stated standard deviation, SI units, a colour for each noise model.
 
     `points` are (name, stated, actual) by noise model.
     """

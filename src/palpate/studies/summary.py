@@ -129,11 +129,7 @@ def group_runs(rows: Iterable[SeedRow]) -> Runs:
 
 
 def refuse_other_settings(rows: Iterable[SeedRow], asked: dict[Group, dict[str, str]]) -> None:
-    """Require that a group's kept rows have the requested settings.
-
-    Raises:
-        InputError: they differ.
-    """
+    """Require that a group's kept rows have the requested settings. Raises InputError: they differ."""
     for row in rows:
         now = asked.get(row.group, row.about)
         # Compare all settings by name; a missing one differs as well.
@@ -265,8 +261,7 @@ def errors_in_std(estimates: Sequence[ScoredEstimate]) -> Array:
 
 
 def shares(estimates: Sequence[ScoredEstimate]) -> Array:
-    """Probability integral transform (n,) of the errors: the stated distribution function at each
-    error.
+    """Probability integral transform (n,) of the errors: the stated distribution function at each error.
 
     It is uniform in 0…1 for calibrated estimates. The stated distribution is Student's t. Its
     degrees of freedom are those of the stated upper half of the 95 % interval.
@@ -281,8 +276,7 @@ def shares(estimates: Sequence[ScoredEstimate]) -> Array:
 
 
 def levels(estimates: Sequence[ScoredEstimate]) -> Array:
-    """Level (n,) of the narrowest central interval that contains the truth, |2 u - 1| with u of
-    `shares`.
+    """Level (n,) of the narrowest central interval that contains the truth, |2 u - 1| with u of `shares`.
 
     It is uniform in 0…1 for calibrated estimates.
     """

@@ -197,8 +197,7 @@ class ConfigurationRow:
 
 
 def table(records: Iterable[TrialRecord]) -> list[ConfigurationRow]:
-    """Make a row for each combination of configuration, prompt and planner, in order of first
-    appearance."""
+    """Make a row for each combination of configuration, prompt and planner, in order of first appearance."""
     groups = group_records(records, lambda r: (r.trial.configuration, r.trial.asked))
     return [summary_row(group) for group in groups.values()]
 

@@ -37,10 +37,7 @@ class Lines:
     file: Path
 
     def read(self) -> list[dict[str, Any]]:
-        """Read all complete lines; empty without a file.
-
-        A last line without its end was cut off, and is left out.
-        """
+        """Read all complete lines; empty without a file. A last line without its end was cut off, and is left out."""
         if not self.file.exists():
             return []
         content = read_bytes(self.file, LARGEST, "results of a study")
@@ -48,11 +45,7 @@ class Lines:
         return [self._object(line) for line in whole.splitlines()]
 
     def read_as(self, kind: type[Row]) -> list[Row]:
-        """Read all complete lines as objects of a dataclass.
-
-        Raises:
-            InputError: the file holds something else.
-        """
+        """Read all complete lines as objects of a dataclass. Raises InputError: the file holds something else."""
         adapter = TypeAdapter(kind)
         try:
             return [adapter.validate_python(line) for line in self.read()]
@@ -99,8 +92,7 @@ class Lines:
 
 
 def strict_json(content: Any) -> Any:
-    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`). pydantic reads
-    these."""
+    """Replace infinities and NaN, which JSON lacks, by words (`inf`, `nan`). pydantic reads these."""
     if isinstance(content, Mapping):
         named = cast("Mapping[str, Any]", content)
         return {name: strict_json(value) for name, value in named.items()}
@@ -169,8 +161,7 @@ class Processes:
     def _run_queue(
         self, work: Callable[[Task], Result], tasks: Sequence[Task], waiting: deque[int]
     ) -> Generator[tuple[int, Result], None, list[int]]:
-        """Work through the queue until it is empty or a process dies; return the tasks in
-        progress."""
+        """Work through the queue until it is empty or a process dies; return the tasks in progress."""
         # Only this process handles signals; the workers finish their tasks.
         pool = ProcessPoolExecutor(self.count, initializer=ignore_signals)
         running: dict[Future[Result], int] = {}
@@ -310,8 +301,7 @@ class RayCrew:
 
 
 def require_answer(address: str) -> None:
-    """Require that a head of a cluster answers at the address, within `PATIENCE`. Ray itself waits
-    for minutes.
+    """Require that a head of a cluster answers at the address, within `PATIENCE`. Ray itself waits for minutes.
 
     Raises:
         InputError: it is not an address.

@@ -128,11 +128,7 @@ class GainBelief:
 
 
 def require(tests: Sequence[FitTest], what: str) -> None:
-    """Require that all tests passed.
-
-    Raises:
-        InputError: some did not; the message has their findings.
-    """
+    """Require that all tests passed. Raises InputError: some did not; the message has their findings."""
     failed = [test.finding for test in tests if not test.passed]
     if failed:
         raise InputError(f"{what} contradicts: {' '.join(failed)} Nothing is written.")
@@ -277,15 +273,13 @@ def own_causes(gains: Array, others: Array) -> list[Cause]:
 
 
 def own_fit(causes: Sequence[Cause], observed: Array, noise: Array) -> Posterior:
-    """Fit torques `observed` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N
-    m."""
+    """Fit torques `observed` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N m."""
     roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
     return fit(causes, SignalNoise(roots, KNOWN), observed.ravel())
 
 
 def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
-    """Estimate (7, 7) factors that scale the `noise` (n, 7, 7) of each joint to the residuals of
-    the fit.
+    """Estimate (7, 7) factors that scale the `noise` (n, 7, 7) of each joint to the residuals of the fit.
 
     Fixed-point iteration: each joint's variance is its sum of squared residuals over its residual
     degrees of freedom.
@@ -343,8 +337,7 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
 
 
 def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
-    """Change of the torques that hold the arm at `q` (n, 7), per standard deviation of the link
-    parameters.
+    """Change of the torques that hold the arm at `q` (n, 7), per standard deviation of the link parameters.
 
     Returns:
         (n, 7, 4 k) N m, for mass and three coordinates of the centre of each of k links, hand

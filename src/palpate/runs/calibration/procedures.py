@@ -142,11 +142,7 @@ def scene_of_settings(session: CalibrationSession) -> Scene | None:
 
 
 def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
-    """Find the gauges in a scene: the named one, or all surfaces of that height.
-
-    Raises:
-        InputError: there is none.
-    """
+    """Find the gauges in a scene: the named one, or all surfaces of that height. Raises InputError: there is none."""
     # Take the named surface, or all surfaces that state that height.
     heights = {n: b.known["height"][0] for n, b in scene.surfaces.items() if "height" in b.known}
     if known.name is not None:
@@ -189,11 +185,7 @@ def agrees(value: float, stated: Stated) -> bool:
 
 
 def measuring_tree(scene: Scene, parameters: tuple[Parameter, ...]) -> Node:
-    """Make the tree that measures all of `parameters`.
-
-    Raises:
-        InputError: some of them cannot be measured there.
-    """
+    """Make the tree that measures all of `parameters`. Raises InputError: some of them cannot be measured there."""
     found = assemble(scene, parameters)
     if found.failed or found.tree is None:
         reasons = " ".join(one.reason for one in found.failed)

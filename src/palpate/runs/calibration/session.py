@@ -97,8 +97,7 @@ class CalibrationSession:
         return self._bench(WEIGHT.format(name=BLOCK, x=x, mass=mass))
 
     def bench_with_gauges(self, height: float) -> Scene:
-        """Bench with gauge blocks. Their tops are `height`, m, above the plane of the arm's
-        base."""
+        """Bench with gauge blocks. Their tops are `height`, m, above the plane of the arm's base."""
         blocks: list[str] = []
         for name, (x, y) in zip(GAUGE_NAMES, GAUGES, strict=True):
             blocks.append(GAUGE.format(name=name, x=x, y=y, half=height / 2))

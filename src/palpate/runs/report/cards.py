@@ -265,8 +265,7 @@ State = Literal["known", "missing", "assumed"]
 
 @dataclass(frozen=True, slots=True)
 class ParameterText:
-    """Quantity of the scene as text: its status, its value before and after, and whether the
-    request names it."""
+    """Quantity of the scene as text: its status, its value before and after, and whether the request names it."""
 
     quantity: str
     state: State

@@ -58,8 +58,7 @@ def diff_lines(diff: str) -> list[DiffLine]:
 
 
 def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
-    """Separate each line's middle from the beginning and end that it shares with its
-    counterpart."""
+    """Separate each line's middle from the beginning and end that it shares with its counterpart."""
     found: list[DiffLine] = []
     for line, counterpart in zip(block, other, strict=True):
         mine, theirs = line.text, counterpart.text
@@ -79,8 +78,7 @@ def common_prefix_length(one: str, other: str) -> int:
 
 @dataclass(frozen=True, slots=True)
 class Change:
-    """Share of the picture that changed, 0 to 1, and the second picture with the change marked
-    (PNG)."""
+    """Share of the picture that changed, 0 to 1, and the second picture with the change marked (PNG)."""
 
     share: float
     marked: bytes | None
@@ -141,9 +139,7 @@ def quantity_label(id: str) -> str:
 
 
 def windows(trace: Trace, estimates: Sequence[Estimate]) -> dict[Recording, str]:
-    """Name each recording by the parameters whose estimates or conversions use it, else by its
-    situation.
-    """
+    """Name each recording by the parameters whose estimates or conversions use it, else by its situation."""
     names: dict[Recording, list[str]] = {recording: [] for recording in trace.recordings}
 
     def claim(recording: Recording, parameter: Parameter) -> None:

@@ -53,9 +53,7 @@ def with_unit(text: str, unit: str) -> str:
 
 
 def with_spread(value: float, std: float, unit: str) -> str:
-    """Format value and deviation, as `0.262 ± 0.020 kg`. Values below a hundredth of the unit get a
-    smaller unit.
-    """
+    """Format value and deviation, as `0.262 ± 0.020 kg`. Values below a hundredth of the unit get a smaller unit."""
     # Grams and millimetres are easier to read than small SI numbers.
     factor = 1.0
     if abs(value) < 1e-2:
@@ -65,9 +63,7 @@ def with_spread(value: float, std: float, unit: str) -> str:
 
 
 def error_text(value: float, truth: float, unit: str, relative: bool) -> str:
-    """Format the error of `value` against the truth, in the smaller unit; with the `relative` error
-    if requested.
-    """
+    """Format the error of `value` against the truth, in the smaller unit; with the `relative` error if requested."""
     unit, factor = SMALL.get(unit, (unit, 1.0))
     text = with_unit(f"{factor * (value - truth):+.2g}", unit)
     if relative and truth:

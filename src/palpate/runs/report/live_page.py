@@ -211,9 +211,7 @@ class LivePage:
 
 
 def _fit_phone(client: viser.ClientHandle) -> None:
-    """Adapt the view to a narrow screen: the panel covers the lower part, so the cell moves into
-    the upper one.
-    """
+    """Adapt the view to a narrow screen: the panel covers the lower part, so the cell moves into the upper one."""
     if client.camera.aspect < NARROW:
         client.camera.position = (2.0, -1.7, 1.1)
         client.camera.look_at = (0.35, 0.0, -0.35)

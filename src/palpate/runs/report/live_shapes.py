@@ -83,8 +83,7 @@ class Access:
             websocket_server.serve = serve  # type: ignore[misc]
 
     def _check_requests(self, answer: Answer) -> Answer:
-        """Wrap `answer`: refuse requests, and add the page's own headers and script to the
-        others."""
+        """Wrap `answer`: refuse requests, and add the page's own headers and script to the others."""
 
         def check(connection: ServerConnection, request: Request) -> Response | None:
             # Refuse before viser sees the request.

@@ -271,9 +271,7 @@ def _line(node: Behaviour, depth: int, snapshot: Snapshot, ended: dict[str, Leaf
 
 
 def bar(force: float) -> str:
-    """Draw a vertical force, N, as a bar to the right of the middle, or to the left if it is
-    negative.
-    """
+    """Draw a vertical force, N, as a bar to the right of the middle, or to the left if it is negative."""
     # A force that is not finite has no bar.
     filled = 0
     if np.isfinite(force):

@@ -101,9 +101,7 @@ def mark_code(text: str) -> Markup:
 
 
 def escaped_controls(value: Any) -> Any:
-    """Make control characters in text and markup visible, such as those that reverse the direction
-    of writing.
-    """
+    """Make control characters in text and markup visible, such as those that reverse the direction of writing."""
     if isinstance(value, int | float):
         return value
     text = visible(str(value))

@@ -106,9 +106,7 @@ def figure_page(figure: Figure, name: str) -> str:
 
 
 def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]:
-    """Reduce a signal to `limit` points without losing peaks: minimum and maximum of each of
-    `limit` / 2 blocks.
-    """
+    """Reduce a signal to `limit` points without losing peaks: minimum and maximum of each of `limit` / 2 blocks."""
     if len(t) <= limit:
         return t, y
     # Subsampling alone would lose contacts that last a few milliseconds.

@@ -241,8 +241,7 @@ FATES = {"SUCCESS": "success", "FAILURE": "failure", "INVALID": "stopped"}
 
 @dataclass(frozen=True, slots=True)
 class Branch:
-    """A node of the tree with its result. `left` and `width` are its place in the run, in per
-    cent."""
+    """A node of the tree with its result. `left` and `width` are its place in the run, in per cent."""
 
     symbol: str
     label: str

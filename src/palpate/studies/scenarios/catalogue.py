@@ -55,9 +55,7 @@ class Scenario:
         return {file.stem: file for file in sorted(self.folder.glob("plans/*"))}
 
     def settings(self, **changes: Any) -> Settings:
-        """Settings of its run, with `changes` of single fields. `planner="replay:NAME"` names one
-        of `plans`.
-        """
+        """Settings of its run, with `changes` of single fields. `planner="replay:NAME"` names one of `plans`."""
         fields: dict[str, Any] = {
             "request": self.request,
             "planner": self.planner,
@@ -85,11 +83,7 @@ def scenarios() -> Mapping[str, Scenario]:
 
 
 def scenario(name: str) -> Scenario:
-    """Return the scenario `name`.
-
-    Raises:
-        InputError: unknown; the message lists the valid ones.
-    """
+    """Return the scenario `name`. Raises InputError: unknown; the message lists the valid ones."""
     found = scenarios()
     if name in found:
         return found[name]
