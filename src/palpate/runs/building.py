@@ -100,13 +100,9 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
 def replay_of(
     plan: Plan, scene: Scene, trace: Trace, estimates: Collection[Estimate]
 ) -> Replay | None:
-    """Make the execution, in a given world, of the parts of a plan that are compared; None if nothing was recorded.
+    """Make the execution in a given world of the parts of a plan that are compared; None without recordings.
 
-    Args:
-        plan: executed.
-        scene: for which it was made.
-        trace: of its execution.
-        estimates: known to later parts of the plan.
+    The plan was made for `scene`; `trace` is of its execution. Its later parts know the `estimates`.
     """
     # Cut the plan into independent parts, which run in parallel.
     nodes = [leaf.node for leaf in trace.leaves]
@@ -256,14 +252,9 @@ def touch_twin(
     callbacks: RunCallbacks = SILENT,
     given: Beside[Given] | None = None,
 ) -> Run:
-    """Validate the twin: execute the plan in it and in the scene as given, and compare both
-    recordings with the run's own.
+    """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 
-    Args:
-        made: the run.
-        planned_in: the scene that the planner knew.
-        callbacks: progress.
-        given: execution in the scene as given, from `touched_beside`; else it is executed here.
+    The planner knew the scene `planned_in`. `given` is the execution in it; else it is executed here.
     """
     if made.finished is None:
         return made

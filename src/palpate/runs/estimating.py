@@ -230,15 +230,9 @@ def _validate(
     choice: Mapping[str, str] | None = None,
     early: Mapping[str, HeldOutMotion | str | None] | None = None,
 ) -> Run:
-    """Test the estimates on held-out motions.
+    """Test the estimates on held-out motions. The rest is fitted again, and predicts the left-out recording.
 
-    Each motion is left out, the rest is fitted again, and the left-out recording is predicted.
-
-    Args:
-        made: the run.
-        scene: with measured surfaces.
-        choice: estimators by quantity.
-        early: motions of objects that were judged before.
+    `scene` has measured surfaces, `choice` estimators by quantity, `early` motions that were judged before.
     """
     trace = made.trace_if_any
     if trace is None:
@@ -264,12 +258,7 @@ class Ahead:
     """
 
     def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
-        """Begin without estimates.
-
-        Args:
-            made: the run.
-            beside: a copy that already runs.
-        """
+        """Begin without estimates of the run; `beside` is a copy that already runs."""
         self._made, self._beside = made, beside
         # Only objects are estimated ahead, each once.
         of_objects = (one.object for one in made.plan.parameters)

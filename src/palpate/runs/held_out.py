@@ -122,12 +122,8 @@ def held_out(
 ) -> HeldOut | None:
     """Judge the estimates of every lifted object; None without any.
 
-    Args:
-        scene: of the run.
-        trace: of the run.
-        estimates: to be judged.
-        choice: estimators by quantity, where `estimates` were not made by the default ones.
-        early: objects judged before.
+    `choice` has estimators by quantity, where `estimates` were not made by the default ones, and `early` objects
+    judged before.
     """
     # Find the objects that were lifted; those judged before are not judged again.
     evidence = sound(trace)
@@ -302,14 +298,9 @@ def judged_motion(
 def tests_of(
     name: str, found: Predicted, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
-    """Test the wrench `more` (3,) that the prediction lacks, and the whole residual.
+    """Test the wrench `more` (3,), N and N m, that the prediction lacks, and the whole residual.
 
-    Args:
-        name: of the object.
-        found: prediction.
-        more: (3,) N and N m.
-        covariance: (3, 3) of `more`.
-        gravity: m/s^2.
+    `covariance` (3, 3) is that of `more`, `gravity` is in m/s^2.
     """
     held = "In a motion that was held out,"
     # Weight: one degree of freedom.

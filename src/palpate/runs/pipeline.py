@@ -77,12 +77,8 @@ def prepare(
 ) -> Run:
     """Look, plan and check. A proposed measurement that the user accepts is planned again.
 
-    Args:
-        settings: of the run.
-        scene: before the look.
-        callbacks: progress and confirmation.
-        planner: by default the one that the settings name.
-        world: the simulated world, where the settings name no file of it.
+    The camera looks at the simulated `world` if the settings name no file of it. By default the settings name the
+    planner.
 
     Raises:
         InputError: bad input, or the plan touches objects that the camera did not see.

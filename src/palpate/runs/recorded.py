@@ -46,10 +46,7 @@ def estimate_recording(
 ) -> Run:
     """Estimate the load of a recording; with a scene, build its twin.
 
-    Args:
-        settings: only scene, poses, root, arm and robot.yaml are used.
-        recorded: the recording.
-        callbacks: progress.
+    Only scene, poses, root, arm and robot.yaml of the settings are used.
 
     Raises:
         InputError: a file that cannot be used, an unknown object, or a window that the recording

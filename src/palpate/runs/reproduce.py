@@ -31,11 +31,7 @@ def with_seen_poses(settings: Settings, folder: Path) -> Settings:
 
 
 def running(settings: Settings, start: Path | None = None) -> list[str]:
-    """Build `palpate run …` of these settings, without default values.
-
-    Args:
-        start: folder that paths are relative to; None leaves them as they are.
-    """
+    """Build `palpate run …` of these settings, without default values; paths are relative to `start`, if given."""
     # Scene and request first, then all options with other values than the defaults.
     command = ["palpate", "run"]
     if settings.scene is not None:

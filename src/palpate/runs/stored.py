@@ -38,9 +38,7 @@ Widths = Mapping[str, str | float] | str | Sequence[str]
 def known_keywords(verb: Callable[P, R], more: Iterable[str] = ()) -> Callable[P, R]:
     """Decorate a function: an unknown keyword raises a TypeError that names the nearest known one.
 
-    Args:
-        verb: the function.
-        more: keywords that it takes as `**options`.
+    `more` are keywords that it takes as `**options`.
     """
     known = [name for name in signature(verb).parameters if name not in ("self", "options")]
     known += more

@@ -42,13 +42,7 @@ def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
 
 
 def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
-    """Make the cell that the settings name.
-
-    Args:
-        settings: of the run.
-        scene: in which the robot works.
-        seen: the scene was detected in a picture.
-    """
+    """Make the cell that the settings name, for work in `scene`, which was perhaps `seen` in a picture."""
     from palpate.execution.simulated_cell import simulated_cell
 
     # Require the calibration of this same arm.
@@ -160,14 +154,8 @@ def look(
 ) -> tuple[Scene | None, Seen | None]:
     """Move the objects of a scene to the poses that the settings' camera sees.
 
-    Args:
-        settings: of the run.
-        scene: before the look.
-        callbacks: progress, and confirmation of the look.
-        world: the simulated world, where the settings name no file of it.
-
-    Returns:
-        The scene and the look; without a camera the unchanged scene and None.
+    It looks at the simulated `world` if the settings name no file of it. Return the scene and the
+    look; without a camera the unchanged scene and None.
 
     Raises:
         InputError: no such camera, nothing to see by, or no world for its camera.

@@ -136,13 +136,8 @@ def objection(
 ) -> str:
     """First reason against a success; empty for a success.
 
-    A success has the right sensing on the right objects, and no action that failed, was stopped or
-    was redundant.
-
-    Args:
-        trace: of the run.
-        expected: parameters to acquire.
-        may_touch: objects in addition to those of `expected` that may be moved out of the way.
+    A success has the right sensing on the right objects, and no action that failed, was stopped or was redundant.
+    Objects of `may_touch` may be moved out of the way.
     """
     return next(all_objections(trace, expected, may_touch), "")
 

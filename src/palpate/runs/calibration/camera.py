@@ -240,14 +240,9 @@ def _eye(
 def _chosen(
     session: CalibrationSession, scene: Scene, q: Array, drawn: CalibrationViews, tag: Pose
 ) -> list[Array]:
-    """Choose reachable configurations that determine the camera's pose best, in a short order.
+    """Choose reachable configurations of `q` (n, 7) that determine the camera's pose best, in a short order.
 
-    Args:
-        session: of the arm.
-        scene: in which the arm moves.
-        q: (n, 7) candidates.
-        drawn: their views.
-        tag: believed pose of the tag.
+    `drawn` has their views of the tag, which is believed to be at the pose `tag`.
 
     Raises:
         InputError: too few configurations remain.
