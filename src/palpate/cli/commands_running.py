@@ -95,49 +95,32 @@ def execute(
 
 def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> None:
     """Run with a live view on stderr, print the result, and exit with its status."""
+    from palpate.cli import show_run as show
     from palpate.cli.show_arms import confirm_seen
-    from palpate.cli.show_run import (
-        ValuesFirst,
-        confirm_plan,
-        confirm_proposal,
-        live_page,
-        live_view,
-        pace,
-        play_again,
-        resuming,
-        show_plan_early,
-        show_result,
-        unless,
-        warn_of_drawn_truth,
-    )
     from palpate.runs.api import run_settings
     from palpate.runs.callbacks import RunCallbacks, ignore, refuse
 
-    with (
-        interrupts() as signals,
-        signals.defer(),
-        live_page(live) as page,
-    ):
+    with interrupts() as signals, signals.defer(), show.live_page(live) as page:
         # Questions go to the page if there is one, else to the terminal.
-        warn_of_drawn_truth(asked)
-        may_move = unless(yes, page.confirm if page else confirm_plan)
-        planned = page.planned if page else ignore if yes else show_plan_early
-        proposal = refuse if as_json else confirm_proposal
+        show.warn_of_drawn_truth(asked)
+        may_move = show.unless(yes, page.confirm if page else show.confirm_plan)
+        planned = page.planned if page else ignore if yes else show.show_plan_early
+        proposal = refuse if as_json else show.confirm_proposal
         # Run with the views and callbacks, then print the result.
-        with live_view(page, pace(live, asked)) as (observer, say):
-            values = ValuesFirst(as_json)
+        with show.live_view(page, show.pace(live, asked)) as (observer, say):
+            values = show.ValuesFirst(as_json)
             callbacks = RunCallbacks(
                 observer,
                 say,
                 may_move,
                 proposal,
-                may_resume=resuming(say),
+                may_resume=show.resuming(say),
                 measured=values,
                 planned=planned,
                 looked=confirm_seen(ask=asked.robot is not None and not yes),
             )
             done = run_settings(asked, callbacks)
-        status = show_result(done, as_json, values.shown)
+        status = show.show_result(done, as_json, values.shown)
         if page and not signals.count:
-            play_again(page, done, signals)
+            show.play_again(page, done, signals)
         raise typer.Exit(status)

@@ -28,7 +28,6 @@ from palpate.scene.scene import Scene
 from palpate.studies.judgement import is_valid, rule
 from palpate.studies.scenarios.catalogue import Scenario, scenario
 from palpate.studies.trials import MeasuredValue, PlannerTrial, TrialRecord
-from palpate.twin.twin import build_twin
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +90,9 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
     # Execute and judge.
     if run.ready:
         with _executing:
-            run = with_twin(pipeline.measure(run))
+            run = pipeline.measure(run)
+        # Add the twin, without its validation in simulation: the study knows the truth.
+        run = pipeline.build_twin(run)
     ruling = rule(run, task, looks)
     return TrialRecord(
         trial,
@@ -126,14 +127,6 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
             for path, content in zip((first, further), pictures, strict=False):
                 path.write_bytes(content)
     return tuple(path for path in (first, further) if path.exists())
-
-
-def with_twin(run: Run) -> Run:
-    """Add the twin, without its validation in simulation: the study knows the truth."""
-    scene = run.scene
-    if run.seen is not None and run.final_state is not None:
-        scene = run.final_state.scene
-    return replace(run, finished=build_twin(scene, run.estimates))
 
 
 def found_values(run: Run) -> dict[str, MeasuredValue]:

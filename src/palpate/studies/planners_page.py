@@ -167,14 +167,8 @@ def repeatability_table(records: Iterable[TrialRecord]) -> Table:
     lines: list[Line] = []
     # The paper's rows, then ours.
     for name, (syntax, success) in REPEATABILITY.items():
-        cells = [
-            TableCell(f"{syntax}/20"),
-            TableCell("–"),
-            TableCell(f"{success}/20"),
-            TableCell("–"),
-            TableCell("–"),
-        ]
-        lines.append((f"{name} (paper)", cells))
+        rates = (f"{syntax}/20", "–", f"{success}/20", "–", "–")
+        lines.append((f"{name} (paper)", list(map(TableCell, rates))))
     for row in table(record for record in records if record.trial.configuration == "full"):
         cells = [rate_cell(row.syntax), rate_cell(row.valid), rate_cell(row.success)]
         cells.append(TableCell(f"{row.tokens:.0f}" if row.tokens else "–"))
@@ -202,11 +196,10 @@ def results_table(records: Sequence[TrialRecord]) -> Table:
         unit = next(iter(runs.values())).unit
         unit = "" if unit == "1" else unit
         spread = f" ± {stdev(values):.2g}" if len(values) > 1 else ""
-        cells = [TableCell(line.estimated), TableCell(line.truth)]
-        cells.append(TableCell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}"))
-        cells.append(TableCell(f"{fmean(stds):.2g} {unit}"))
-        cells.append(TableCell(f"{fmean(truths):.5g} {unit}"))
-        lines.append((line.name, cells))
+        published = [TableCell(line.estimated), TableCell(line.truth)]
+        ours = TableCell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}")
+        figures = [f"{fmean(stds):.2g} {unit}", f"{fmean(truths):.5g} {unit}"]
+        lines.append((line.name, [*published, ours, *map(TableCell, figures)]))
     heads = ["paper", "paper: truth", "ours, mean ± SD of runs", "stated SD", "truth"]
     lead = (
         "Table IV: estimates of all successful trials. The paper's are of real objects; ours are of "
@@ -219,20 +212,16 @@ def effort_table(records: Iterable[TrialRecord]) -> Table:
     """Compare with the paper's effort of measuring everything."""
     # Mean effort of each planner, below the paper's pair.
     done = [r for r in records if r.trial.scenario == SELECTIVE and r.robot_seconds > 0.0]
-    lines: list[Line] = []
+    efforts: dict[str, tuple[float, float]] = {}
+    if done:
+        efforts["everything (paper)"] = (EFFORT.exhaustive_actions, EFFORT.exhaustive_seconds)
+        efforts["by intent (paper)"] = (EFFORT.intent_actions, EFFORT.intent_seconds)
     for asker, group in group_records(done, lambda record: record.trial.asked).items():
-        actions = fmean(record.actions for record in group)
         seconds = fmean(record.robot_seconds for record in group)
-        lines.append((asker, [TableCell(f"{actions:.0f}"), TableCell(f"{seconds:.0f} s")]))
-    if lines:
-        paper = {
-            "everything (paper)": (EFFORT.exhaustive_actions, EFFORT.exhaustive_seconds),
-            "by intent (paper)": (EFFORT.intent_actions, EFFORT.intent_seconds),
-        }
-        published: list[Line] = [
-            (name, [TableCell(f"{actions}"), TableCell(f"{seconds:.0f} s")])
-            for name, (actions, seconds) in paper.items()
-        ]
-        lines = published + lines
+        efforts[asker] = (fmean(record.actions for record in group), seconds)
+    lines: list[Line] = [
+        (name, [TableCell(f"{actions:.0f}"), TableCell(f"{seconds:.0f} s")])
+        for name, (actions, seconds) in efforts.items()
+    ]
     lead = "Section VI-B: one missing mass among three objects."
     return Table("Effort", lead, ["actions", "robot time"], lines)

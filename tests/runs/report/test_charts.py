@@ -184,7 +184,7 @@ def test_chart_and_card_show_one_value_also_at_a_bound() -> None:
     (interval,) = card.intervals
     assert (interval.value, interval.std) == ("-0.002", "0.004")
     assert (interval.limit, interval.verdict) == ("at most 0.0066", "prior-dominated")
-    assert card.doubt.startswith("at most 0.0066 kg (95 %): ")
+    assert card.estimate.doubt.startswith("at most 0.0066 kg (95 %): ")
     fit = named(chart, "the fit")
     assert fit["name"] == f"the fit, {interval.value} ± {interval.std} kg"
     assert values(fit["y"]) == pytest.approx(interval.number)

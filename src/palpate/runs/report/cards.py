@@ -77,15 +77,9 @@ class IntervalBar:
 class EstimateCard:
     """An estimate as printed on the page."""
 
-    object: str
-    quantity: str
-    unit: str
-    verdict: str
-    whole: str
-    said: str
-    contradiction: str
-    doubt: str
-    method: str
+    estimate: Estimate
+    quantity: str  # its name in words
+    unit: str  # as printed: none for a pure number
     intervals: tuple[IntervalBar, ...]
     further: tuple[tuple[str, str], ...]
     evidence: tuple[RecordingEntry, ...]
@@ -117,15 +111,9 @@ def estimate_card(
     if trace is not None:
         windows = [evidence(recording, trace) for recording in estimate.evidence]
     return EstimateCard(
-        object=estimate.parameter.object,
-        quantity=quantity_label(estimate.parameter.quantity),
-        unit="" if unit == "1" else unit,
-        verdict=estimate.verdict,
-        whole=estimate.whole,
-        said=estimate.verdict_in_words,
-        contradiction=estimate.contradiction,
-        doubt=estimate.doubt,
-        method=estimate.method,
+        estimate,
+        quantity_label(estimate.parameter.quantity),
+        "" if unit == "1" else unit,
         intervals=tuple(component_intervals(estimate, truth)),
         further=tuple(further),
         evidence=tuple(windows),
@@ -182,7 +170,7 @@ def in_words(cards: Iterable[EstimateCard]) -> tuple[str, str]:
     known: list[str] = []
     for card in cards:
         if card.intervals:
-            name = f"{card.object} {card.quantity}"
+            name = f"{card.estimate.parameter.object} {card.quantity}"
             values = " ".join(interval.limit or interval.value for interval in card.intervals)
             unknown.append(name)
             known.append(with_unit(f"{name} {values}", card.unit))
@@ -190,29 +178,13 @@ def in_words(cards: Iterable[EstimateCard]) -> tuple[str, str]:
 
 
 @dataclass(frozen=True, slots=True)
-class Entry:
-    """Component of an estimate. Positions are in per cent of the scale."""
-
-    name: str
-    anchor: str
-    value: str
-    std: str
-    verdict: str
-    at: float
-    left: float
-    width: float
-    truth: float | None
-
-
-@dataclass(frozen=True, slots=True)
 class QuantityScale:
-    """All estimates of one quantity, the largest first, with the ends of the scale as text."""
+    """All components of one quantity on one axis, the largest first, and estimates without a value."""
 
     quantity: str
     unit: str
-    low: str
-    high: str
-    entries: tuple[Entry, ...]
+    axis: Axis
+    rows: tuple[tuple[EstimateCard, IntervalBar], ...]
     without: tuple[EstimateCard, ...]
 
 
@@ -238,26 +210,8 @@ def quantity_scale(quantity: str, unit: str, cards: Sequence[EstimateCard]) -> Q
         if interval.truth is not None:
             ends.append(interval.truth.number)
     axis = Axis.enclose(np.array(ends or [0.0, 1.0]), AIR)
-    entries: list[Entry] = []
-    for card, interval in rows:
-        left, right = (axis.per_cent(end) for end in interval.bounds)
-        truth = interval.truth
-        entry = Entry(
-            name=f"{card.object} {interval.axis}".strip(),
-            anchor=card.anchor,
-            value=interval.value,
-            std=interval.std,
-            verdict=interval.verdict,
-            at=axis.per_cent(interval.number),
-            left=left,
-            width=round(right - left, 2),
-            truth=None if truth is None else axis.per_cent(truth.number),
-        )
-        entries.append(entry)
     empty = tuple(card for card in cards if not card.intervals)
-    return QuantityScale(
-        quantity, unit, f"{axis.low:.3g}", f"{axis.high:.3g}", tuple(entries), empty
-    )
+    return QuantityScale(quantity, unit, axis, tuple(rows), empty)
 
 
 State = Literal["known", "missing", "assumed"]

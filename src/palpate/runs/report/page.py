@@ -19,21 +19,12 @@ from palpate.common.redaction import redact
 from palpate.common.version import __version__
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.answer import answer
+from palpate.runs.report import sections
 from palpate.runs.report.cards import FEW, cards, forest, in_words, parameter_groups
 from palpate.runs.report.changes import change, diff_lines, windows
 from palpate.runs.report.data import Pictures, ReportData, twin_checks
 from palpate.runs.report.plots import FAILED, GROUPS, timeline
-from palpate.runs.report.sections import (
-    Branch,
-    aftermath,
-    branches,
-    first_failure,
-    indifferent,
-    lines,
-    pose_rows,
-    predictions,
-    primitive_groups,
-)
+from palpate.runs.report.sections import Branch
 
 if TYPE_CHECKING:
     from jinja2 import Template
@@ -182,9 +173,9 @@ def render_report(data: ReportData) -> str:
     run, trace, twin, done = data.run, data.run.trace_if_any, data.run.finished, data.run.execution
     # Prepare cards, tree and first failure, which several sections use.
     made = cards(run)
-    tree = branches(run.plan, trace)
-    failure = first_failure(tree)
-    poses = list(pose_rows(run.beliefs))
+    tree = sections.branches(run.plan, trace)
+    failure = sections.first_failure(tree)
+    poses = list(sections.pose_rows(run.beliefs))
     # Leaves of a controlled stop are outside of the tree: their paths have another prefix.
     begun: int | None = None
     if run.status == "aborted" and trace is not None:
@@ -213,10 +204,10 @@ def render_report(data: ReportData) -> str:
         tree=tree,
         failure=failure,
         steps=tuple(next_steps(run, failure)),
-        aftermath=aftermath(run.plan, trace),
-        predictions=predictions(run.held_out),
-        tasks=lines(data.proof),
-        indifferent=tuple(indifferent(data.proof)),
+        aftermath=sections.aftermath(run.plan, trace),
+        predictions=sections.predictions(run.held_out),
+        tasks=sections.lines(data.proof),
+        indifferent=tuple(sections.indifferent(data.proof)),
         diff=diff_lines("" if twin is None else twin.diff),
         twin_checks={} if checks is None else twin_checks(checks),
         twin_notes=() if twin is None else twin.notes,
@@ -282,7 +273,7 @@ def timeline_figure(run: Run) -> dict[str, Any]:
     if trace is None or not len(trace.samples):
         return {"figure": None, "plotly": ""}
     # 2 MB, only for pages that draw something.
-    figure = timeline(trace, windows(trace, run.estimates), primitive_groups())
+    figure = timeline(trace, windows(trace, run.estimates), sections.primitive_groups())
     return {"figure": figure, "plotly": plotly()[0]}
 
 
