@@ -35,7 +35,7 @@ from palpate.runs.stored import (
     planner_name,
     run_of,
 )
-from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.load import parse_scene
 from palpate.scene.poses import read_poses
 from palpate.scene.remarks import remarks
 from palpate.scene.scene import Scene as InnerScene
@@ -286,8 +286,7 @@ def load_settings(given: Settings, text: str | None = None) -> Scene:
         poses = read_poses(given.poses) if given.poses else None
         found = parse_scene(text, poses=poses, arm=arm, robot_body=robots)
     else:
-        assert given.scene is not None
-        found = load_scene(given.scene, given.poses, arm, root=given.root, robot_body=robots)
+        found = given.read_scene(arm)
     return Scene(**contents_of(found, InnerScene), given=given)
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from palpate.common.belief import SURE
 from palpate.common.errors import InputError, Unavailable
 from palpate.common.pose import Pose
 from palpate.estimation.quantities.within import Within
@@ -33,7 +34,6 @@ if TYPE_CHECKING:
 # m: distance of an object from its believed position that is allowed in addition to the uncertainty
 # of sight, as for neighbours in a rehearsal.
 MOVED = 0.005
-SURE = 3.0  # Standard deviations of sight and belief within which a position agrees
 OFTEN = 5.0  # s of robot time: least interval between two looks
 
 

@@ -25,7 +25,7 @@ from palpate.runs.run import Run
 from palpate.runs.settings import Settings
 from palpate.runs.workplace import connect_cell, pictures_of
 from palpate.scene.camera import load_image
-from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.load import parse_scene
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses, seen_by
 from palpate.scene.scene import Scene
@@ -46,13 +46,7 @@ def load(settings: Settings) -> Scene | None:
         load_image(image)
     if settings.scene is None:
         return None
-    return load_scene(
-        settings.scene,
-        settings.poses,
-        settings.described_arm(),
-        root=settings.root,
-        robot_body=settings.robot_body,
-    )
+    return settings.read_scene(settings.described_arm())
 
 
 def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None) -> Run:

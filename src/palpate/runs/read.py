@@ -27,7 +27,7 @@ from palpate.runs.held_out import HeldOut
 from palpate.runs.reproduce import with_seen_poses
 from palpate.runs.run import Ending, Run
 from palpate.scene.detections import SceneObject
-from palpate.scene.load import load_scene, parse_scene, scene_from_text
+from palpate.scene.load import parse_scene, scene_from_text
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import Poses, read_poses
 from palpate.scene.scene import Scene
@@ -132,9 +132,8 @@ def _find_scene(
         return scene_from_text(read_text(own), like=seen.scene()), seen
     if own.exists():
         return parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots), None
-    file, root = settings.scene, settings.root
-    if file is not None and file.exists():
-        return load_scene(file, settings.poses, arm, root=root, robot_body=robots), None
+    if settings.scene is not None and settings.scene.exists():
+        return settings.read_scene(arm), None
     return parse_scene(NOTHING, arm=arm), None
 
 

@@ -25,7 +25,7 @@ from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.read import NOTHING
 from palpate.runs.run import RECORDING, Ending, Run
 from palpate.runs.settings import Settings
-from palpate.scene.load import load_scene, parse_scene
+from palpate.scene.load import parse_scene
 
 FARTHEST = 2.0  # m: largest distance from the hand to the frame of the object in it
 LOAD = "load"  # Name of a load that is not an object of a scene
@@ -59,7 +59,7 @@ def estimate_recording(
     if settings.scene is None:
         scene = parse_scene(NOTHING, arm=arm)
     else:
-        scene = load_scene(settings.scene, settings.poses, arm, root=settings.root)
+        scene = settings.read_scene(arm)
         objects = [name for name, body in scene.bodies.items() if body.role == "object"]
         if carrying.name not in objects:
             raise unknown_name(

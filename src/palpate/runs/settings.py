@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from palpate.estimation.quantities.within import Within
     from palpate.execution.recovery import OnFailure
     from palpate.robots.description import RobotDescription
+    from palpate.scene.scene import Scene
 else:
     # The types are checked when settings are made: a command's help, which derives from this page,
     # loads neither numpy nor pydantic.
@@ -296,6 +297,13 @@ class Settings:
             datasheet = noise_models().load(self.noise, arm).datasheet
         real = self.robot is not None
         return own_arm(self.arm, self.cautious, self.robot_config, datasheet, real)
+
+    def read_scene(self, arm: RobotDescription) -> Scene:
+        """Read the scene with its poses, for an arm."""
+        from palpate.scene.load import load_scene
+
+        assert self.scene is not None
+        return load_scene(self.scene, self.poses, arm, root=self.root, robot_body=self.robot_body)
 
 
 def settings_of(**given: Any) -> Settings:

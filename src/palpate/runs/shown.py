@@ -99,21 +99,14 @@ def _transforms(model: mujoco.MjModel, times: Array, poses: Array) -> Iterator[M
 
 def _from(parent: Array, child: Array) -> Array:
     """Relative pose parent⁻¹ · child (n, 7) of two world poses, rounded to single precision for a small file."""
-    # Rotate the offset into the parent's frame by the conjugate quaternion: q* p q.
-    back = parent[:, 3:] * (1.0, -1.0, -1.0, -1.0)
-    way = np.column_stack([np.zeros(len(child)), child[:, :3] - parent[:, :3]])
-    at = _product(_product(back, way), parent[:, 3:])[:, 1:]
-    # Relative rotation, with the sign that makes the scalar part positive.
-    turned = _product(back, child[:, 3:])
-    turned *= np.where(turned[:, :1] < 0.0, -1.0, 1.0)
+    from scipy.spatial.transform import Rotation
+
+    turns = [Rotation.from_quat(poses[:, 3:], scalar_first=True) for poses in (parent, child)]
+    back = turns[0].inv()
+    at = back.apply(child[:, :3] - parent[:, :3])
+    # The canonical quaternion has a scalar part that is not negative.
+    turned = (back * turns[1]).as_quat(canonical=True, scalar_first=True)
     return np.column_stack([at, turned]).astype(np.float32).astype(np.float64)
-
-
-def _product(one: Array, other: Array) -> Array:
-    """Hamilton product of quaternions (n, 4), w first."""
-    w, v, w2, v2 = one[:, :1], one[:, 1:], other[:, :1], other[:, 1:]
-    real = w * w2 - (v * v2).sum(axis=1, keepdims=True)
-    return np.column_stack([real, w * v2 + w2 * v + np.cross(v, v2)])
 
 
 def _camera(run: Run, trace: Trace) -> Iterator[Message]:

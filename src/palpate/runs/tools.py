@@ -31,7 +31,6 @@ from palpate.primitives.rules.collision_geometry import require_room
 from palpate.robots.owner import load_description, own_arm
 from palpate.runs import pipeline
 from palpate.runs.settings import Settings
-from palpate.scene.load import load_scene
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
@@ -75,10 +74,8 @@ def examined_planner(
 
 def lesson(asked: Settings) -> Lesson:
     """Prepare the teaching of the poses of the settings' scene, with the known ones."""
-    assert asked.scene is not None
     # Begin with the known poses; their other entries are kept unchanged.
-    arm, poses = load_description(asked.arm), asked.poses
-    loaded = load_scene(asked.scene, poses, arm, root=asked.root)
+    poses, loaded = asked.poses, asked.read_scene(load_description(asked.arm))
     said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
     objects, places = said.pop("objects", {}), said.pop("places", {})
     return Lesson(loaded, objects, places, said)
@@ -152,9 +149,7 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
     proposal = load_proposal(plan)
     arm, known = load_description(asked.arm), None
     if asked.scene is not None:
-        known = load_scene(
-            asked.scene, asked.poses, arm, root=asked.root, robot_body=asked.robot_body
-        )
+        known = asked.read_scene(arm)
         require_room(known)
     elif asked.poses is not None and proposal.scene:
         builder = SceneBuilder(read_poses(asked.poses), arm)

@@ -17,7 +17,6 @@ from palpate.runs.calibration import gains
 from palpate.runs.calibration.gains import CONFIGURATIONS, GainBelief, Known, Stated
 from palpate.runs.calibration.session import BLOCK, GAUGE_NAMES, PLACES, CalibrationSession, truth
 from palpate.runs.calibration.tips import fit_tips, require_places
-from palpate.scene.load import load_scene
 from palpate.scene.scene import Scene
 
 # m/s: speed at which a weight is lifted and lowered. It is slow enough to average white noise, and
@@ -135,10 +134,7 @@ def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> No
 
 def scene_of_settings(session: CalibrationSession) -> Scene | None:
     """Load the user's scene for the arm as calibrated so far; None for the bench."""
-    settings = session.settings
-    if settings.scene is None:
-        return None
-    return load_scene(settings.scene, settings.poses, session.arm)
+    return None if session.settings.scene is None else session.settings.read_scene(session.arm)
 
 
 def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
