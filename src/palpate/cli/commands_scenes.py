@@ -66,7 +66,6 @@ def gap(
 
 # Commands about plans. None moves a robot.
 
-
 ASKED = ("request", "measure", "scene", "images", *SCENE)
 
 
@@ -122,7 +121,6 @@ def vocabulary(
 
 
 # Commands about cameras: a look at the workspace, and tags to print.
-
 
 OF_LOOK = (
     "scene",

@@ -62,7 +62,6 @@ def in_flags(message: str) -> str:
 
 # Output of the commands: stdout for results, stderr for everything else.
 
-
 out = SafeConsole(highlight=False)
 err = SafeConsole(stderr=True, highlight=False)
 
@@ -167,7 +166,6 @@ def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False
 
 
 # Verbosity on stderr and log file, options of every command.
-
 
 Verbose = Annotated[
     bool, typer.Option("--verbose", "-v", help="Say on stderr what goes on inside, too.")

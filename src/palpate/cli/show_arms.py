@@ -68,7 +68,6 @@ def _format_figure(found: CalibratedFigure, figure: tuple[float, float]) -> str:
 
 # Dynamics of an arm, as tables or as JSON.
 
-
 FIGURES = {
     "coulomb": "friction N m",
     "viscous": "damping N m s/rad",
@@ -148,7 +147,6 @@ def _figure_cell(figure: JointFigure, joint: int) -> str:
 
 
 # Noise of an arm compared with the noise models, as a table or as JSON.
-
 
 # Heading of each figure, and the factor to its unit.
 TITLES = {

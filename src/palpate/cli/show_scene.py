@@ -75,7 +75,6 @@ def show_vocabulary(as_json: bool, btcpp: bool) -> None:
 
 # Known and missing parameters of a scene, and the files of a new one.
 
-
 GAP = (
     TableColumn("name", style="bold"),
     TableColumn("role"),

@@ -95,7 +95,6 @@ def _truth_cells(estimate: Estimate, truth: Sequence[float]) -> list[str]:
 
 # Comparison of several runs on the terminal.
 
-
 NAME, VALUE, _, VERDICT = COLUMNS
 COMPARED = (
     NAME,
@@ -157,7 +156,6 @@ def _format_differences(row: ComparedEstimate) -> dict[int, tuple[str, str]]:
 
 
 # Output for stored runs: report in the browser, fusion, export.
-
 
 PAGE = "report.html"
 

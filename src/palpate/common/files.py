@@ -114,7 +114,6 @@ def write_new(path: Path, content: str | bytes) -> None:
 
 # YAML of users: plain values of bounded size, and schemas whose errors use the file's own keys.
 
-
 try:  # libyaml's parser is ten times as fast as the one in Python
     from yaml import CSafeLoader as Loader
 except ImportError:

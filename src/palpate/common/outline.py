@@ -198,7 +198,6 @@ def _cross(a: Array, b: Array) -> Array:
 
 # Resting pose of a body on a level plane, from a pose in which it is not stable.
 
-
 TOUCHING = 1e-4  # m above the plane, up to which a point counts as touching
 # m by which a centre of mass may be outside its support polygon: round bodies are polygons here.
 STEADY = 5e-4

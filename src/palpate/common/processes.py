@@ -178,7 +178,6 @@ def ignore_signals() -> None:
 
 # Work in a forked copy of this process.
 
-
 K = TypeVar("K")
 T = TypeVar("T")
 

@@ -175,7 +175,6 @@ def _is_away(state: SymbolicState) -> bool:
 
 # Execution of the behavior tree on the cell's robot, with the trace.
 
-
 log = logging.getLogger(__name__)
 
 

@@ -61,7 +61,6 @@ def export_json(run: Run, export: Export) -> dict[str, Any]:
 
 # Proof of a run's twin, kept as `proof.json` in the run folder.
 
-
 PROOF = "proof.json"  # File of a proof in a run folder
 
 

@@ -96,7 +96,6 @@ class HeldOut:
 
 # Cross-validation: hold out one motion of each object, estimate without it, and predict it.
 
-
 FITTED = ("mass", "com", "inertia")  # Quantities on which the wrench of a held object depends
 # Activities of recordings from which these quantities are estimated.
 IN_THE_AIR = ("still", "swinging")

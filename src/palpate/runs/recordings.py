@@ -155,7 +155,6 @@ def dynamics(
 
 # Noise of an arm, from a recording of it.
 
-
 BESIDE = ("measured", "hardware", "datasheet", "lab")
 
 

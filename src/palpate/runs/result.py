@@ -56,7 +56,6 @@ def _tests_json(tests: Sequence[FitTest]) -> list[dict[str, Any]]:
 
 # The document `result.json`: the contract with scripts.
 
-
 CYCLES = "cycles.npz"  # Log of a real robot's last seconds before a stop, in a run folder
 
 

@@ -247,7 +247,6 @@ def foot_held(world: PhysicsTrial) -> Generator[None]:
 
 # Tasks with a drawer or a door: coast to an opening, open steadily.
 
-
 FIRST, MOST = 0.1, 1000.0  # N: first and largest force at a handle that a plan tries
 PUSHED = 0.2  # s: duration of a push
 

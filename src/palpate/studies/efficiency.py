@@ -96,7 +96,6 @@ Line = tuple[str, Iterable[TableCell]]  # Table row: its name and its cells
 # Efficiency study: actions and robot time of the exhaustive and the intent-driven planner on the
 # same scene.
 
-
 GRID = "#e5e7eb"
 PUBLISHED_OPACITY = 0.45
 

@@ -147,7 +147,6 @@ def short_digest(content: bytes) -> str:
 
 # Statistics of estimates over many seeds: bias, scatter, stated standard deviations, coverage.
 
-
 Key = tuple[Parameter, int]  # Parameter and index of its component
 # Degrees of freedom in the table that is interpolated for an interval.
 FREEDOMS = np.geomspace(1.0, 1e6, 2000)

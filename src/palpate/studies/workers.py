@@ -105,7 +105,6 @@ def strict_json(content: Any) -> Any:
 
 # Independent tasks, distributed over processes, and their progress.
 
-
 Task = TypeVar("Task")
 Result = TypeVar("Result")
 
@@ -238,7 +237,6 @@ class Progress:
 
 
 # Tasks on an existing Ray cluster (https://docs.ray.io).
-
 
 LOCAL = "local"  # Address without a cluster: processes of this machine
 PATIENCE = 5.0  # s: time in which the head of a cluster must answer

@@ -92,7 +92,6 @@ class Known:
 
 # Gains of the joint torque sensors, by a known weight in the hand or by the arm's own weight.
 
-
 # Count of rests at which the arm weighs itself. Friction is about as large as the signal, and
 # averages out over many rests.
 CONFIGURATIONS = 30

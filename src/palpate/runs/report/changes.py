@@ -120,7 +120,6 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
 
 # Measured windows: parameters, situation and reading of each recording.
 
-
 FINEST = 1e-5  # N or m: least spread of a recording that is shown
 
 

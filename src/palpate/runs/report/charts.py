@@ -74,7 +74,6 @@ def error_text(value: float, truth: float, unit: str, relative: bool) -> str:
 # Charts of the fits behind an estimate: measured values with error bars, predictions with their
 # bands.
 
-
 TRUTH = "#c2710c"
 COLOURS = (MARK, TRUTH, "#3b82f6")
 """Colours of the points of the first, second and third group."""

@@ -42,7 +42,6 @@ class SafeConsole(Console):
 # HTML of all text on the live page. Names, messages and explanations may come from a model: they
 # are escaped here.
 
-
 MARKS = {
     "SUCCESS": ("✓", "#2e9e6b"),
     "FAILURE": ("✗", "#d43d3d"),

@@ -126,7 +126,6 @@ class Access:
 
 # Visual geometry of a MuJoCo model in the page's 3-D view. Only poses change later.
 
-
 # trimesh is typed in part.
 # pyright: reportUnknownMemberType=false
 

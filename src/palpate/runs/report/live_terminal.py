@@ -130,7 +130,6 @@ class RealTime:
 
 # Terminal view of a run: the tree with statuses, robot time and force; elsewhere plain lines.
 
-
 log = logging.getLogger(LIVE_LOGGER)
 
 REFRESH_PERIOD = 0.125  # s of wall time between two drawings: a person reads no faster

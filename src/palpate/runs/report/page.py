@@ -138,7 +138,6 @@ def data_uri(mime: str, content: bytes) -> str:
 
 # The report page, which loads nothing from the network.
 
-
 VERDICTS = {
     "running": "Under way",
     "complete": "Complete",

@@ -138,7 +138,6 @@ def polyline(x: Array, y: Array) -> str:
 
 # Proof of the twin: a line through the goal for each task, with prior, twin and promise.
 
-
 MARGIN = 0.1  # Share of half the line that stays free at its end
 
 
@@ -230,7 +229,6 @@ def _in_words(pose: Pose, covariance: Array) -> str:
 
 
 # The plan's tree with the result of each node.
-
 
 LEAF = "→"
 LONGEST_LABEL = 160
