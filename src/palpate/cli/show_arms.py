@@ -84,11 +84,8 @@ NOT_OBSERVABLE = "not observable"
 
 
 def mass_of(hand: str) -> float | None:
-    """Parse `--hand`, kg; None means that the mass is to be identified.
-
-    Raises:
-        InputError: neither `found` nor a mass.
-    """
+    """Parse `--hand`, kg; None means that the mass is to be identified. Raises InputError: neither
+    `found` nor a mass."""
     if hand == "found":
         return None
     try:

@@ -46,11 +46,8 @@ def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str],
 
 @contextmanager
 def live_page(wanted: bool) -> Generator[LivePage | None]:
-    """Serve the live page if it is requested.
-
-    Raises:
-        Unavailable: viser is not installed, or the page cannot be served.
-    """
+    """Serve the live page if it is requested. Raises Unavailable: viser is not installed, or the
+    page cannot be served."""
     if not wanted:
         yield None
         return

@@ -46,22 +46,16 @@ class Registry(Mapping[str, T]):
         return f"<{type(self).__name__}: {', '.join(self)}>"
 
     def named(self, name: str, hint: str = "", meant: str | None = None) -> T:
-        """Return the part of that name; `hint` and `meant` are those of `unknown_name`.
-
-        Raises:
-            InputError: unknown; the message lists the valid names.
-        """
+        """Return the part of that name; `hint` and `meant` are those of `unknown_name`. Raises
+        InputError: unknown; the message lists the valid names."""
         if name not in self._parts:
             raise unknown_name(self.kind, name, self, hint, meant)
         return self._parts[name]
 
 
 def offered(group: str) -> Iterator[object]:
-    """Yield the public members of the modules that the entry points of `group` name.
-
-    Raises:
-        InputError: a module cannot be loaded; the message names it.
-    """
+    """Yield the public members of the modules that the entry points of `group` name. Raises
+    InputError: a module cannot be loaded; the message names it."""
     for module in extensions(group):
         yield from public(module)
 

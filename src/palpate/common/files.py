@@ -56,11 +56,8 @@ def open_with_limit(path: Path, limit: int, what: str) -> Generator[BinaryIO]:
 
 
 def read_bytes(path: Path, limit: int, what: str) -> bytes:
-    """Read a file of at most `limit` bytes.
-
-    Raises:
-        InputError: as `require_regular`; also when it grows beyond the limit while it is read.
-    """
+    """Read a file of at most `limit` bytes. Raises InputError: as `require_regular`; also when it
+    grows beyond the limit while it is read."""
     with open_with_limit(path, limit, what) as file:
         try:
             content = file.read(limit + 1)
@@ -131,12 +128,8 @@ _CLOSING = (yaml.BlockEndToken, yaml.FlowMappingEndToken, yaml.FlowSequenceEndTo
 
 
 def plain_yaml(text: str, where: str) -> Any:
-    """Parse a YAML text; `where` names it in messages.
-
-    Raises:
-        InputError: not YAML, an alias, or too deep nesting; with line and column where the parser
-            knows them.
-    """
+    """Parse a YAML text; `where` names it in messages. Raises InputError: not YAML, an alias, or
+    too deep nesting; with line and column where the parser knows them."""
     try:
         # Aliases expand without bound, and deep nesting takes the parser quadratic time.
         depth, problem = 0, ""

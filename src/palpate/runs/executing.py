@@ -49,11 +49,8 @@ class CameraWatch:
     _looked: float = field(default=-np.inf, init=False)
 
     def __call__(self, path: str, blackboard: Blackboard) -> SymbolicState:
-        """Correct the state after the leaf at a path.
-
-        Raises:
-            LeafFailure: an object is not at its believed position, or the camera does not answer.
-        """
+        """Correct the state after the leaf at a path. Raises LeafFailure: an object is not at its
+        believed position, or the camera does not answer."""
         state, now = self.settled(path, blackboard), blackboard.robot.state.t
         if now - self._looked < OFTEN or blackboard.motions > 1 or not _is_away(state):
             return state

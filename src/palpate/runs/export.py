@@ -66,10 +66,7 @@ PROOF = "proof.json"  # File of a proof in a run folder
 
 def prove_run(run: Run) -> Proof:
     """Plan tasks with the run's prior and twin, and carry them out in its truth, else in draws.
-
-    Raises:
-        InputError: the run has no twin, its scene's file is missing, or nothing was measured.
-    """
+    Raises InputError: the run has no twin, its scene's file is missing, or nothing was measured."""
     if run.finished is None:
         raise InputError("this run has no twin to prove: nothing was measured")
     if not run.scene.bodies:

@@ -43,11 +43,8 @@ def default_folder(name: str) -> Path:
 
 
 def check_writable(path: Path) -> None:
-    """Test by a trial that a folder can be made at `path`; the trial is removed.
-
-    Raises:
-        InputError: it exists or cannot be made.
-    """
+    """Test by a trial that a folder can be made at `path`; the trial is removed. Raises InputError:
+    it exists or cannot be made."""
     _check_free(path)
     # Write a file into the nearest existing parent.
     there = next(parent for parent in path.absolute().parents if parent.exists())
@@ -169,11 +166,8 @@ def _alive(process: int) -> bool:
 
 
 def read_json(path: Path) -> dict[str, Any]:
-    """Read the JSON object in a file of a run folder.
-
-    Raises:
-        InputError: there is no such file, or no object in it.
-    """
+    """Read the JSON object in a file of a run folder. Raises InputError: there is no such file, or
+    no object in it."""
     if not path.exists():
         raise InputError(f"'{path.parent}' is not a run's folder: there is no '{path.name}' in it")
     try:

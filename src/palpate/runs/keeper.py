@@ -43,11 +43,8 @@ class Keeper:
         self._ended: set[str] = set()
 
     def begin(self, run: Run, request: Mapping[str, Any]) -> Run:
-        """Make the folder and write the files that exist before the execution.
-
-        Raises:
-            InputError: it exists, or cannot be made or written.
-        """
+        """Make the folder and write the files that exist before the execution. Raises InputError:
+        it exists, or cannot be made or written."""
         # Write plan and request first: `finish` needs them after a crash.
         run = replace(run, stage="executing", folder=self.folder)
         if self.folder is None:
@@ -76,11 +73,8 @@ class Keeper:
         return self.kept(run)
 
     def carry_out_execution(self, step: Step, run: Run) -> Run:
-        """Carry out the execution, in which a signal asks for a controlled stop.
-
-        Raises:
-            PalpateError: nothing could be executed; nothing has moved, and the folder is removed.
-        """
+        """Carry out the execution, in which a signal asks for a controlled stop. Raises
+        PalpateError: nothing could be executed; nothing has moved, and the folder is removed."""
         # Signals are deferred: the runner turns them into a controlled stop.
         with self._signals.defer():
             try:

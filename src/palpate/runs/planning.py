@@ -179,21 +179,15 @@ def _is_real(made: Run, cell: Cell | None) -> bool:
 
 
 def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
-    """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no confirmation.
-
-    Raises:
-        ExecutionAborted: the plan was not confirmed.
-    """
+    """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no
+    confirmation. Raises ExecutionAborted: the plan was not confirmed."""
     if _is_real(made, cell) and made.ready and not callbacks.may_move(made):
         raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 
 def _resolve_measure(settings: Settings, scene: Scene | None) -> tuple[Parameter, ...] | None:
-    """Resolve the parameters that `measure` names; None where it names none.
-
-    Raises:
-        InputError: no such parameter, no scene to have it, or the request asks for others.
-    """
+    """Resolve the parameters that `measure` names; None where it names none. Raises InputError: no
+    such parameter, no scene to have it, or the request asks for others."""
     if not settings.measure:
         return None
     if scene is None:
@@ -219,11 +213,8 @@ def _resolve_measure(settings: Settings, scene: Scene | None) -> tuple[Parameter
 def _pictures(
     planner: Planner, settings: Settings, scene: Scene | None, poses: Poses
 ) -> tuple[tuple[bytes, ...], tuple[str, ...]]:
-    """Take pictures of the workspace (PNG) for a planner that uses them, if none were given.
-
-    Returns:
-        The pictures, and notes on those that failed.
-    """
+    """Take pictures of the workspace (PNG) for a planner that uses them, if none were given. Return
+    the pictures, and notes on those that failed."""
     looks = scene is None or (isinstance(planner, Observant) and planner.looks)
     if settings.images or not looks or "image" in settings.model_settings.without:
         return (), ()

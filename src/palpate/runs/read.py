@@ -69,10 +69,7 @@ def read_run(folder: Path, settings: Settings) -> Run:
 
 def require_own_version(folder: Path) -> None:
     """Require that this version of palpate recorded the run: formats may differ between versions.
-
-    Raises:
-        InputError: another version recorded it.
-    """
+    Raises InputError: another version recorded it."""
     recorded = read_json(folder / "request.json").get("palpate")
     if recorded != __version__:
         raise InputError(

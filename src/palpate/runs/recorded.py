@@ -133,11 +133,8 @@ def _explain_reading(recorded: LogRequest, rows: int) -> str:
 
 
 def pose_text(pose: str) -> str:
-    """Check a pose in the hand, `X Y Z [QW QX QY QZ]` with blanks or commas, and return its seven numbers as text.
-
-    Raises:
-        InputError: not such numbers.
-    """
+    """Check a pose in the hand, `X Y Z [QW QX QY QZ]` with blanks or commas, and return its seven
+    numbers as text. Raises InputError: not such numbers."""
     try:
         numbers = [float(word) for word in pose.replace(",", " ").split()]
     except ValueError:

@@ -110,11 +110,8 @@ def save(made: Run, folder: Path | None = None) -> Run:
 
 
 def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
-    """Write `proof.json` into the run's folder, and its report again.
-
-    Raises:
-        InputError: the file cannot be written.
-    """
+    """Write `proof.json` into the run's folder, and its report again. Raises InputError: the file
+    cannot be written."""
     from palpate.runs.export import PROOF, proof_json
 
     try:

@@ -196,11 +196,8 @@ class Settings:
     model_settings: ModelSettings = field(default_factory=ModelSettings)
 
     def __post_init__(self) -> None:
-        """Convert the fields to their types.
-
-        Raises:
-            InputError: a value of another type; the message names the argument.
-        """
+        """Convert the fields to their types. Raises InputError: a value of another type; the
+        message names the argument."""
         from pydantic import ValidationError
 
         # Convert each field by its own adapter; the object is frozen.
@@ -213,11 +210,8 @@ class Settings:
                 raise InputError(f"{name}=: {error.errors()[0]['msg']}") from None
 
     def having(self, **changes: Any) -> Settings:
-        """Return these settings with changed fields, converted to their types.
-
-        Raises:
-            InputError: an unknown field, or a value of another type.
-        """
+        """Return these settings with changed fields, converted to their types. Raises InputError:
+        an unknown field, or a value of another type."""
         return settings_of(**{f.name: getattr(self, f.name) for f in fields(self)} | changes)
 
     def check_values(self, at_hand: bool = False) -> Settings:
@@ -307,11 +301,8 @@ class Settings:
 
 
 def settings_of(**given: Any) -> Settings:
-    """Return the settings with these fields, converted to their types.
-
-    Raises:
-        InputError: an unknown field, or a value of another type.
-    """
+    """Return the settings with these fields, converted to their types. Raises InputError: an
+    unknown field, or a value of another type."""
     names = [one.name for one in fields(Settings)]
     for name in given:
         if name not in names:
@@ -398,10 +389,7 @@ def request_json(settings: Settings) -> dict[str, Any]:
 
 def settings_from(document: Mapping[str, Any]) -> Settings:
     """Make the settings from a document of `request_json`. Absent fields have their defaults.
-
-    Raises:
-        InputError: it is not such a document.
-    """
+    Raises InputError: it is not such a document."""
     known = {field.name for field in fields(Settings)}
     given = {name: value for name, value in document.items() if name in known}
     return settings_of(**given, model_settings=document.get("asking", {}))

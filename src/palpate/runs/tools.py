@@ -103,10 +103,7 @@ def write_poses(path: Path, taught: Lesson) -> None:
 
 def tag_sheet(path: Path, numbers: str, side: float) -> int:
     """Write a PDF of tags, `0-11` or `3,7,9`, to print with a `side` in m; return its page count.
-
-    Raises:
-        InputError: no such tags, an impossible side, or the file exists or cannot be written.
-    """
+    Raises InputError: no such tags, an impossible side, or the file exists or cannot be written."""
     from palpate.perception.tags import write_sheet
 
     # Parse single numbers and ranges.
@@ -120,11 +117,8 @@ def tag_sheet(path: Path, numbers: str, side: float) -> int:
 
 
 def write_excitation(arm: str, path: Path) -> list[str]:
-    """Write a motion of an arm that excites a load into a new file; return the instructions for its recording.
-
-    Raises:
-        InputError: no such arm, or the file exists or cannot be written.
-    """
+    """Write a motion of an arm that excites a load into a new file; return the instructions for its
+    recording. Raises InputError: no such arm, or the file exists or cannot be written."""
     from palpate.estimation.logs.excitation import excitation
 
     if path.exists():
@@ -158,11 +152,8 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
 
 
 def prompt(settings: Settings) -> Prompt:
-    """Compose the system prompt, user message and images for a model.
-
-    Raises:
-        InputError: a value out of range, or a file that cannot be read.
-    """
+    """Compose the system prompt, user message and images for a model. Raises InputError: a value
+    out of range, or a file that cannot be read."""
     # A scene gives its own names; without one the workplace does.
     settings = settings.check_values()
     scene = pipeline.load(settings)

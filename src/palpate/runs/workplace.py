@@ -251,11 +251,8 @@ def seen_from(
 
 
 def hand_of(url: str, scene: Scene) -> Pose:
-    """Read the pose of the TCP of the real arm at a URL, in the world.
-
-    Raises:
-        Unavailable: it does not answer, or its driver does not report the pose.
-    """
+    """Read the pose of the TCP of the real arm at a URL, in the world. Raises Unavailable: it does
+    not answer, or its driver does not report the pose."""
     from palpate.execution.cell_drivers import drivers
 
     guided = drivers().of(url).guided
@@ -273,11 +270,8 @@ def hand_of(url: str, scene: Scene) -> Pose:
 
 
 def require_seen(made: Run, seen: Seen | None) -> Run:
-    """Require that the camera saw every object that the plan touches, and add the notes of the look.
-
-    Raises:
-        InputError: the plan touches objects that were not seen.
-    """
+    """Require that the camera saw every object that the plan touches, and add the notes of the
+    look. Raises InputError: the plan touches objects that were not seen."""
     if seen is None:
         return made
     # An object that the plan touches must be seen; others only get a note.

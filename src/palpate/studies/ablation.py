@@ -92,11 +92,8 @@ def ablation(
 
 
 def modules_left_out(configuration: str) -> frozenset[str]:
-    """Prompt modules that a configuration leaves out.
-
-    Raises:
-        InputError: no such configuration; the message lists the valid ones.
-    """
+    """Prompt modules that a configuration leaves out. Raises InputError: no such configuration; the
+    message lists the valid ones."""
     if configuration not in CONFIGURATIONS:
         raise unknown_name("configuration", configuration, CONFIGURATIONS)
     return CONFIGURATIONS[configuration]

@@ -54,10 +54,7 @@ class Lines:
 
     def add(self, *rows: Mapping[str, Any]) -> None:
         """Append rows and wait until they are on the disk. Without rows, only create the file.
-
-        Raises:
-            InputError: the file cannot be written.
-        """
+        Raises InputError: the file cannot be written."""
         lines = [json_text(strict_json(row)) + "\n" for row in rows]
         try:
             self.file.parent.mkdir(parents=True, exist_ok=True)
@@ -183,10 +180,7 @@ class Processes:
 
 def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
     """Map `work` over the tasks with `workers` processes; return results in the order of the tasks.
-
-    Raises:
-        Lost: the process that executed a task died.
-    """
+    Raises Lost: the process that executed a task died."""
     found: dict[int, Result] = {}
     for place, result in Processes(workers).each(work, tasks):
         if isinstance(result, Lost):

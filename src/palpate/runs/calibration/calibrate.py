@@ -127,11 +127,8 @@ def calibrate(
 def require_consistent(
     settings: Settings, wanted: References, out: Path, existing: RobotConfig | None
 ) -> None:
-    """Require a reference, a scene for a real arm, and files of this same arm.
-
-    Raises:
-        InputError: one of them is missing or contradicts another.
-    """
+    """Require a reference, a scene for a real arm, and files of this same arm. Raises InputError:
+    one of them is missing or contradicts another."""
     # Require references and options that belong together.
     if wanted == References():
         raise InputError(

@@ -279,10 +279,7 @@ def configurations(arm: RobotDescription) -> Array:
 
 def in_view(views: CalibrationViews, tag: Pose) -> list[int]:
     """Select views in which the camera should see a tag at the believed pose `tag`, at most `KEPT`.
-
-    Returns:
-        Their indices.
-    """
+    Return their indices."""
     lens, local = views.lens, views.local(views.camera, tag)
     # Project the tag's corners; depths below `NEAREST` are clipped and refused further down.
     pixels = lens.project(np.maximum(local, [-9, -9, NEAREST]).reshape(-1, 3))

@@ -250,11 +250,8 @@ def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[
 
 
 def require_places(count: int) -> None:
-    """Require enough places to determine the tilt of the arm's frame.
-
-    Raises:
-        InputError: there are fewer than `FEWEST`.
-    """
+    """Require enough places to determine the tilt of the arm's frame. Raises InputError: there are
+    fewer than `FEWEST`."""
     if count < FEWEST:
         there = "at one place" if count == 1 else f"at {count} places"
         raise InputError(
