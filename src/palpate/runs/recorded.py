@@ -5,7 +5,7 @@ moves.
 from __future__ import annotations
 
 import time
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -31,29 +31,25 @@ FARTHEST = 2.0  # m: largest distance from the hand to the frame of the object i
 LOAD = "load"  # Name of a load that is not an object of a scene
 
 
-@dataclass(frozen=True, slots=True)
-class LogRequest:
-    """A recording with its context."""
-
-    log: Path  # file or folder of the recording
-    carrying: Carrying  # the load; its name is an object of the scene where there is one
-    empty: Path | None = None  # recording of the empty hand
-    columns: Path | None = None  # map of the columns, of both
-
-
 def estimate_recording(
-    settings: Settings, recorded: LogRequest, callbacks: RunCallbacks = SILENT
+    settings: Settings,
+    file: Path,
+    carrying: Carrying,
+    empty: Path | None = None,
+    columns: Path | None = None,
+    callbacks: RunCallbacks = SILENT,
 ) -> Run:
-    """Estimate the load of a recording; with a scene, build its twin.
+    """Estimate the load of a recording; with a scene, of which it is an object, build its twin.
 
-    Only scene, poses, root, arm and robot.yaml of the settings are used.
+    Only scene, poses, root, arm and robot.yaml of the settings are used. `empty` is a recording of
+    the empty hand, and `columns` maps the columns of both.
 
     Raises:
         InputError: a file that cannot be used, an unknown object, or a window that the recording
             does not have.
         Unavailable: the library for the recording's format is not installed.
     """
-    began, carrying = time.perf_counter(), recorded.carrying
+    began = time.perf_counter()
     # Load the arm and the scene that contains the load.
     arm = own_arm(settings.arm, settings.cautious, settings.robot_config, real=True)
     if settings.scene is None:
@@ -67,7 +63,7 @@ def estimate_recording(
             )
     # Read the recordings, and require that they are possible for the arm.
     callbacks.progress("reading the recording")
-    logs = [read_log(one, recorded.columns) for one in (recorded.log, recorded.empty) if one]
+    logs = [read_log(one, columns) for one in (file, empty) if one]
     for log in logs:
         require_within_limits(log, arm)
     # Centre of mass and inertia need the object's pose in the hand, or no scene.
@@ -96,19 +92,20 @@ def estimate_recording(
         arm,
         scene.pose_world_base,
         scene.gravity,
-        logs[1] if recorded.empty else None,
+        logs[1] if empty else None,
     )
     callbacks.progress("estimating")
     bodies = scene.bodies
     # Request only the masses: the other quantities are by-products, if the motion excites them.
     asked = tuple(one for one in parameters if one.quantity == "mass")
-    plan = Plan(asked, None, _explain_reading(recorded, len(logs[0])), RECORDING, tuple(notes))
+    reading = _explain_reading(f"{file.name}, {len(logs[0])} samples", carrying, empty)
+    plan = Plan(asked, None, reading, RECORDING, tuple(notes))
     # Make a run as if the plan had been executed: estimates, twin and report are the same.
     made = Run(
-        replace(settings, robot=f"recording:{recorded.log.name}", noise="none"),
+        replace(settings, robot=f"recording:{file.name}", noise="none"),
         scene,
         plan,
-        world=f"the recording {recorded.log.name}",
+        world=f"the recording {file.name}",
         simulated=False,
         execution=Ending("complete", None, 0, float(logs[0].t[-1]), 0.0),
         recorded=trace,
@@ -120,14 +117,13 @@ def estimate_recording(
     return replace(made, total_seconds=time.perf_counter() - began)
 
 
-def _explain_reading(recorded: LogRequest, rows: int) -> str:
+def _explain_reading(of: str, carrying: Carrying, empty: Path | None) -> str:
     """Explain the reading: file, windows and hand."""
-    carrying = recorded.carrying
     windows = ", ".join(f"{start:g} to {end:g} s" for start, end in carrying.windows)
-    text = f"{recorded.log.name}, {rows} samples; {carrying.name} was carried "
+    text = f"{of}; {carrying.name} was carried "
     text += f"from {windows}" if windows else "all the time"
-    if recorded.empty is not None:
-        text += f"; the empty hand is in {recorded.empty.name}, too"
+    if empty is not None:
+        text += f"; the empty hand is in {empty.name}, too"
     hand = "weighed, too" if carrying.hand == "found" else f"of {carrying.hand} kg"
     return f"{text}. The hand is {'as described' if carrying.hand is None else hand}."
 

@@ -28,7 +28,7 @@ from palpate.perception.look import Seen
 from palpate.robots.description import RobotDescription
 from palpate.robots.owner import DEFAULT, load_description
 from palpate.runs.callbacks import Progress, RunCallbacks, ignore
-from palpate.runs.recorded import LOAD, LogRequest, estimate_recording, pose_text
+from palpate.runs.recorded import LOAD, estimate_recording, pose_text
 from palpate.runs.settings import settings_of
 from palpate.runs.stored import Run, contents_of, known_keywords, run_of
 from palpate.scene.scene import Scene
@@ -95,14 +95,14 @@ def estimate(
         raise InputError(f"loaded={loaded}: give (start, stop) in s, or several of these") from None
     # Estimate with one BLAS thread: the matrices are small.
     settings = settings_of(scene=scene, arm=arm, robot_config=robot_config)
-    recorded = LogRequest(
-        Path(log),
+    carrying, callbacks = (
         Carrying(object or LOAD, windows, pose, hand),
-        None if empty is None else Path(empty),
-        None if columns is None else Path(columns),
+        RunCallbacks(progress=progress),
     )
+    unloaded, names = (None if file is None else Path(file) for file in (empty, columns))
     with single_threaded_blas():
-        return run_of(estimate_recording(settings, recorded, RunCallbacks(progress=progress)))
+        made = estimate_recording(settings, Path(log), carrying, unloaded, names, callbacks)
+        return run_of(made)
 
 
 # Dynamics of an arm, from a recording of it.

@@ -66,6 +66,18 @@ class Task(ABC, Generic[World]):
         """Result of an action in a world, in `unit`; not finite if the task fails in another way."""
 
 
+class ThresholdTask(Task[World]):
+    """Base of tasks whose plan is the smallest force that suffices."""
+
+    unit = "N"
+    goal = 0.0
+
+    def reached(self, world: World, action: float) -> float:
+        """Force in excess of the threshold of a world, N."""
+        threshold = self.plan(world)
+        return np.inf if threshold is None else action - threshold
+
+
 class OfObject(Task[PhysicsTrial]):
     """Base of tasks with an object. The action is a force, unless stated otherwise."""
 
@@ -130,25 +142,18 @@ class SpringPush(OfObject):
         return slid(world, done, self.way)
 
 
-class Topple(OfObject):
+class Topple(ThresholdTask[PhysicsTrial], OfObject):
     """Tip the object over the edge of its foot. The action is the force at the top, N. It depends
     on mass and centre of mass.
     """
 
     name = "topple"
     says = "the smallest force at its top that tips it, its foot held"
-    unit = "N"
-    goal = 0.0
 
     def plan(self, world: PhysicsTrial) -> float | None:
         """Threshold force of a world, N."""
         with foot_held(world):
             return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
-
-    def reached(self, world: PhysicsTrial, action: float) -> float:
-        """Force in excess of the threshold of a world, N."""
-        threshold = self.plan(world)
-        return np.inf if threshold is None else action - threshold
 
     def _tips(self, world: PhysicsTrial, force: float) -> bool:
         """True if the force turns the object by 5°. The force grows to its full value in 0.2 s."""
@@ -314,24 +319,17 @@ class Coast(JointTask):
         return way
 
 
-class Steady(JointTask):
+class Steady(ThresholdTask[JointTrial], JointTask):
     """Open at a speed. The action is the force, N. The result depends on friction and damping."""
 
     name = "open steadily"
     says = "the smallest force at its handle with which this passes 100 mm at 0.1 m/s"
-    unit = "N"
-    goal = 0.0
     distance: ClassVar = 0.1
     speed: ClassVar = 0.1
 
     def plan(self, world: JointTrial) -> float | None:
         """Threshold force of a world, N."""
         return smallest(lambda force: self._passes(world, force), *self.tried(world))
-
-    def reached(self, world: JointTrial, action: float) -> float:
-        """Force in excess of the threshold of a world, N."""
-        threshold = self.plan(world)
-        return np.inf if threshold is None else action - threshold
 
     def _passes(self, world: JointTrial, force: float) -> bool:
         # A constant force, until the handle has passed the distance.
