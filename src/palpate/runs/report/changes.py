@@ -6,7 +6,6 @@ import io
 from collections.abc import Sequence
 from dataclasses import dataclass
 from itertools import chain, groupby, pairwise
-from os.path import commonprefix
 
 import numpy as np
 from numpy.typing import NDArray
@@ -64,11 +63,17 @@ def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[D
     for line, counterpart in zip(block, other, strict=True):
         mine, theirs = line.text, counterpart.text
         # Remove the common head, then the common tail of the rest.
-        head = len(commonprefix([mine, theirs]))
-        tail = len(commonprefix([mine[head:][::-1], theirs[head:][::-1]]))
+        head = common_prefix_length(mine, theirs)
+        tail = common_prefix_length(mine[head:][::-1], theirs[head:][::-1])
         end = len(mine) - tail
         found.append(DiffLine(line.kind, mine[:head], mine[head:end], mine[end:]))
     return found
+
+
+def common_prefix_length(one: str, other: str) -> int:
+    """Length of the common prefix of two texts."""
+    pairs = enumerate(zip(one, other, strict=False))
+    return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
 
 
 @dataclass(frozen=True, slots=True)
