@@ -4,7 +4,7 @@ values."""
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -12,7 +12,7 @@ import numpy as np
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.catalogue import catalogue
-from palpate.runs.figures import figures, in_a_line
+from palpate.runs.figures import ComponentText, figures, in_a_line
 from palpate.runs.held_out import stated_as
 from palpate.runs.report.changes import RecordingEntry, evidence, quantity_label
 from palpate.runs.report.charts import (
@@ -53,24 +53,16 @@ class TruthMark:
     number: float
 
 
-@dataclass(frozen=True, slots=True)
-class IntervalBar:
-    """Component of an estimate as a bar. `left` and `width` of the interval are in per cent of the
-    bar; the value is in the middle.
-    """
+@dataclass(frozen=True, slots=True, kw_only=True)
+class IntervalBar(ComponentText):
+    """Component of an estimate as a bar, with the value in the middle."""
 
-    axis: str
-    value: str
-    std: str
-    low: str
-    high: str
+    # left, width: of the interval, in per cent of the bar.
     left: float
     width: float
     truth: TruthMark | None
-    verdict: str
-    limit: str
-    number: float
-    bounds: tuple[float, float]
+    number: float  # the value
+    bounds: tuple[float, float]  # ends of the interval
 
 
 @dataclass(frozen=True, slots=True)
@@ -144,16 +136,10 @@ def component_intervals(estimate: Estimate, truth: Truth | None) -> Iterator[Int
             at, covered = clipped_percent(bar, true), low <= true <= high
             revealed = TruthMark(f"{true:.6g}", at, error, covered, true)
         yield IntervalBar(
-            axis=figure.axis,
-            value=figure.value,
-            std=figure.std,
-            low=figure.low,
-            high=figure.high,
+            **asdict(figure),
             left=left,
             width=round(right - left, 2),
             truth=revealed,
-            verdict=figure.verdict,
-            limit=figure.limit,
             number=value,
             bounds=(low, high),
         )
