@@ -104,7 +104,7 @@ def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> 
         # Questions go to the page if there is one, else to the terminal.
         show.warn_of_drawn_truth(asked)
         may_move = show.unless(yes, page.confirm if page else show.confirm_plan)
-        planned = page.planned if page else ignore if yes else show.show_plan_early
+        planned = page.show_plan if page else ignore if yes else show.show_plan_early
         proposal = refuse if as_json else show.confirm_proposal
         # Run with the views and callbacks, then print the result.
         with show.live_view(page, show.pace(live, asked)) as (observer, say):

@@ -71,7 +71,7 @@ def pace(live: bool, settings: Settings) -> RealTime | None:
 
 def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
     """Offer the finished run for playback on the page until it is closed or Ctrl-C is pressed."""
-    page.finished(run)
+    page.offer_playback(run)
     err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
     while not page.closed and not signals.pressed():
         time.sleep(0.2)

@@ -93,7 +93,7 @@ def answer(run: Run) -> str | None:
     unit = f" {estimates[0].unit}" * (estimates[0].unit != "1")
     # Add up: a sum alone is the answer, with its interval.
     if together:
-        sides = _summed(sides, asked)
+        sides = _sum_sides(sides, asked)
         if len(sides) == 1 and bound is None:
             std = _std(sides[0])
             ends = interval95(sides[0].value, std)[0].tolist()
@@ -126,7 +126,7 @@ def answer(run: Run) -> str | None:
     return _word_answer(sides[0], sides[-1], "", unit, tails=2)
 
 
-def _summed(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
+def _sum_sides(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
     """Sum the sides before "than" and those after it."""
     # Sides after "than" belong to the second sum.
     than = asked.index("than") if "than" in asked else len(asked)

@@ -75,7 +75,7 @@ def estimates(
     yield from make(later=())
     # Judge the complete set, in the plan's order.
     every = [found[one] for one in made.plan.parameters]
-    made = replace(made, estimates=(*every, *_unmeasured(made)))
+    made = replace(made, estimates=(*every, *_estimates_without_value(made)))
     callbacks.progress("validating the estimates on held-out motions")
     made = _validate(made, scene, early={name: each.motion for name, each in early.items()})
     yield made
@@ -84,7 +84,7 @@ def estimates(
         yield replace(made, truth=truths(made, cell))
 
 
-def _unmeasured(made: Run) -> Iterator[Estimate]:
+def _estimates_without_value(made: Run) -> Iterator[Estimate]:
     """Make estimates without a value for the requested parameters that the plan does not measure."""
     for one in made.plan.unmeasured:
         yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
@@ -187,7 +187,10 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
     scene = _as_felt(made, trace)
     recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
     found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
-    annotated = (*(_annotate(made, estimate) for estimate in found), *_unmeasured(made))
+    annotated = (
+        *(_annotate(made, estimate) for estimate in found),
+        *_estimates_without_value(made),
+    )
     again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
     return _validate(again, scene, choice)
 

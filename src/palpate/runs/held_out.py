@@ -274,7 +274,7 @@ def judged_motion(
 
     # Fit the wrench that the prediction lacks; the p-value is that of an F-test with the noise's
     # degrees of freedom.
-    more, covariance = found.beyond()
+    more, covariance = found.missing_wrench()
     dof, misfit = len(found.residual), found.misfit
     return HeldOutMotion(
         object=name,

@@ -61,16 +61,16 @@ class Keeper:
 
     def through(self, stage: Stage, step: Step, run: Run) -> Run:
         """Carry out a stage; return the run with everything that it completed."""
-        run = self.kept(replace(run, stage=stage))
+        run = self.keep(replace(run, stage=stage))
         try:
             with self._signals.raised():
                 for grown in step(run):
-                    run = self.kept(grown, seldom=stage == "estimating")
+                    run = self.keep(grown, seldom=stage == "estimating")
         except KeyboardInterrupt:
-            return self.kept(replace(run, interrupted=f"{self._signals.reason} while {stage}"))
+            return self.keep(replace(run, interrupted=f"{self._signals.reason} while {stage}"))
         except Exception as error:
-            self.fell_short(f"{stage} failed", error)
-        return self.kept(run)
+            self.note_shortfall(f"{stage} failed", error)
+        return self.keep(run)
 
     def carry_out_execution(self, step: Step, run: Run) -> Run:
         """Carry out the execution, in which a signal asks for a controlled stop. Raises
@@ -79,12 +79,12 @@ class Keeper:
         with self._signals.defer():
             try:
                 for grown in step(run):
-                    run = self.kept(grown)
+                    run = self.keep(grown)
             except PalpateError:
                 self._discard()
                 raise
             except KeyboardInterrupt:
-                return self.kept(
+                return self.keep(
                     replace(run, interrupted=f"{self._signals.reason} while executing")
                 )
             finally:
@@ -94,13 +94,13 @@ class Keeper:
             stopped = run.execution is not None and run.execution.status == "stopped"
             if pressed > 1 or (pressed and not stopped):
                 run = replace(run, interrupted=f"{self._signals.reason} while executing")
-            return self.kept(run)
+            return self.keep(run)
 
-    def finished(self, run: Run) -> Run:
+    def mark_finished(self, run: Run) -> Run:
         """Mark the run as finished."""
-        return self.kept(replace(run, stage=None, interrupted=None))
+        return self.keep(replace(run, stage=None, interrupted=None))
 
-    def kept(self, run: Run, seldom: bool = False) -> Run:
+    def keep(self, run: Run, seldom: bool = False) -> Run:
         """Add the shortfalls to the run and write result.json.
 
         The file grows with every estimate. With `seldom` it is not written if that would take more
@@ -114,7 +114,7 @@ class Keeper:
             began = time.perf_counter()
             if self.folder is not None and not (seldom and began < self._due):
                 content = result_json(run, self.folder)
-                self.tried("result.json", lambda at: write_json(at / "result.json", content))
+                self.try_writing("result.json", lambda at: write_json(at / "result.json", content))
                 ended = time.perf_counter()
                 self._due = ended + (ended - began) / WRITING
             return self._with_shortfalls(run)
@@ -131,7 +131,7 @@ class Keeper:
             step()
         except Exception as error:
             self._ended.add(failure)
-            self.fell_short(failure, error)
+            self.note_shortfall(failure, error)
 
     def samples(self, samples: Samples, recorded: GrowingRecorder) -> None:
         """Append samples to the growing trace. Raises OSError: the disk is full or missing."""
@@ -145,26 +145,26 @@ class Keeper:
     def trace(self, run: Run) -> None:
         """Write the finished trace over the growing one."""
         self._close_stream()
-        self.tried(TRACE, lambda at: write_trace(run, at))
+        self.try_writing(TRACE, lambda at: write_trace(run, at))
 
     def twin(self, run: Run) -> None:
         """Write the twin into the folder, and to `--twin` unless that file exists."""
-        self.tried("twin.xml", lambda at: write_twin(run, at))
+        self.try_writing("twin.xml", lambda at: write_twin(run, at))
         # An existing file is never overwritten.
         twin, wanted = run.finished, run.settings.twin
         if twin is not None and wanted is not None and not wanted.exists():
-            self.tried(str(wanted), lambda _: twin.save(wanted))
+            self.try_writing(str(wanted), lambda _: twin.save(wanted))
 
-    def tried(self, name: str, write: Callable[[Path], object]) -> None:
+    def try_writing(self, name: str, write: Callable[[Path], object]) -> None:
         """Write into the folder; note a failure."""
         if self.folder is None:
             return
         try:
             write(self.folder)
         except Exception as error:
-            self.fell_short(f"{name} was not written", error)
+            self.note_shortfall(f"{name} was not written", error)
 
-    def fell_short(self, what: str, error: Exception) -> None:
+    def note_shortfall(self, what: str, error: Exception) -> None:
         """Note a failure and its reason, once."""
         line = shortfall(what, error)
         if line not in self._shortfalls:
@@ -182,7 +182,7 @@ class Keeper:
             try:
                 stream.close()
             except OSError as error:
-                self.fell_short(GROWING, error)
+                self.note_shortfall(GROWING, error)
 
     def _discard(self) -> None:
         """Remove the folder of a run in which nothing has moved."""

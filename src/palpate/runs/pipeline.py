@@ -134,7 +134,7 @@ def carry_out(
             made = keeper.carry_out_execution(steps.execution, made)
             # Evaluate: estimates, twin and report.
             with render_in_background(made, reel) as darkroom:
-                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).finished(made)
+                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).carry_out_all(made)
 
 
 def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
@@ -153,7 +153,7 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
             made = replace(made, stage="estimating")
         if film:
             made = with_footage(made)
-        return _Steps(keeper, callbacks.unfailing()).finished(made)
+        return _Steps(keeper, callbacks.unfailing()).carry_out_all(made)
 
 
 def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
@@ -184,7 +184,7 @@ class _Steps:
     given: Beside[Given] | None = None  # execution in the scene before the measurement, in progress
     reel: Reel | None = None  # film that is being rendered
 
-    def finished(self, made: Run) -> Run:
+    def carry_out_all(self, made: Run) -> Run:
         """Carry out all stages after the execution, from the one that is due. A signal ends them."""
         # Stages in their order; a reopened run begins at the one that was interrupted.
         steps: dict[Stage, Step] = {
@@ -201,7 +201,7 @@ class _Steps:
             if made.interrupted is not None:
                 return made
             made = self.keeper.through(stage, steps[stage], made)
-        return made if made.interrupted is not None else self.keeper.finished(made)
+        return made if made.interrupted is not None else self.keeper.mark_finished(made)
 
     def execution(self, made: Run) -> Iterator[Run]:
         assert self.cell is not None

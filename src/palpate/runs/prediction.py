@@ -77,7 +77,7 @@ class Predicted:
         """chi-squared of the residual, r^T S^-1 r."""
         return float(self.residual @ np.linalg.solve(self.covariance, self.residual))
 
-    def beyond(self) -> tuple[Array, Array]:
+    def missing_wrench(self) -> tuple[Array, Array]:
         """Fit the wrench that the belief lacks to the residual, by generalized least squares:
 
             dw = (X^T S^-1 X)^-1 X^T S^-1 r

@@ -205,7 +205,7 @@ def errors(task: Task[World], action: float | None, worlds: Sequence[World]) -> 
     """Distances from the goal after an action in each world; infinite without an action."""
     if action is None:
         return (np.inf,) * len(worlds)
-    return tuple(task.reached(world, action) - task.goal for world in worlds)
+    return tuple(task.outcome(world, action) - task.goal for world in worlds)
 
 
 def _acts_on(scene: Scene, name: str, values: Values) -> bool:

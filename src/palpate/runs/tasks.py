@@ -51,18 +51,18 @@ class Task(ABC, Generic[World]):
         # Find the threshold action, and require that it ends near the goal: the result may jump
         # over it.
         action = smallest(
-            lambda action: self.reached(world, action) >= self.goal, *self.tried(world)
+            lambda action: self.outcome(world, action) >= self.goal, *self.action_range(world)
         )
-        if action is None or abs(self.reached(world, action) - self.goal) > NEAR * self.goal:
+        if action is None or abs(self.outcome(world, action) - self.goal) > NEAR * self.goal:
             return None
         return action
 
     @abstractmethod
-    def tried(self, world: World) -> tuple[float, float]:
+    def action_range(self, world: World) -> tuple[float, float]:
         """First and largest action that a plan tries in a world."""
 
     @abstractmethod
-    def reached(self, world: World, action: float) -> float:
+    def outcome(self, world: World, action: float) -> float:
         """Result of an action in a world, in `unit`; not finite if the task fails in another way."""
 
 
@@ -72,7 +72,7 @@ class ThresholdTask(Task[World]):
     unit = "N"
     goal = 0.0
 
-    def reached(self, world: World, action: float) -> float:
+    def outcome(self, world: World, action: float) -> float:
         """Force in excess of the threshold of a world, N."""
         threshold = self.plan(world)
         return np.inf if threshold is None else action - threshold
@@ -81,7 +81,7 @@ class ThresholdTask(Task[World]):
 class OfObject(Task[PhysicsTrial]):
     """Base of tasks with an object. The action is a force, unless stated otherwise."""
 
-    def tried(self, world: PhysicsTrial) -> tuple[float, float]:
+    def action_range(self, world: PhysicsTrial) -> tuple[float, float]:
         """Forces in proportion to the object's weight, N."""
         return 0.1 * world.weight, STRONGEST * world.weight
 
@@ -94,7 +94,7 @@ class Slide(OfObject):
     unit = "m"
     goal = 0.1
 
-    def reached(self, world: PhysicsTrial, action: float) -> float:
+    def outcome(self, world: PhysicsTrial, action: float) -> float:
         """Distance in the direction of the push; infinite for an object that tips over or falls off."""
         done = world.run(
             lambda data: action * self.way * (data.time < 0.2),
@@ -119,18 +119,18 @@ class SpringPush(OfObject):
     damping = 28.0
     speed = 0.1
 
-    def tried(self, world: PhysicsTrial) -> tuple[float, float]:
+    def action_range(self, world: PhysicsTrial) -> tuple[float, float]:
         """Distances of the arm, m."""
         del world
         return self.goal / 2, 4 * self.goal
 
-    def reached(self, world: PhysicsTrial, action: float) -> float:
+    def outcome(self, world: PhysicsTrial, action: float) -> float:
         """Distance in the direction of the push; infinite for an object that tips over or falls off."""
 
         def force(data: mujoco.MjData) -> Array:
             # Force of spring and damper between arm and object; it only pushes.
             arm = min(self.speed * data.time, action)
-            stretch = self.stiffness * (arm - float(world.moved(data) @ self.way))
+            stretch = self.stiffness * (arm - float(world.displacement(data) @ self.way))
             pace = self.speed * (arm < action) - float(world.velocity(data) @ self.way)
             return max(stretch + self.damping * pace, 0.0) * self.way
 
@@ -175,7 +175,7 @@ class Throw(OfObject):
     unit = "m"
     goal = 0.5
 
-    def reached(self, world: PhysicsTrial, action: float) -> float:
+    def outcome(self, world: PhysicsTrial, action: float) -> float:
         """Distance of the centre of mass, m, where it passes the floor: z = 0, or the object's
         lowest point if that is lower.
         """
@@ -185,7 +185,9 @@ class Throw(OfObject):
         places: list[tuple[float, float]] = []
 
         def is_on_ground(data: mujoco.MjData) -> bool:
-            places.append((float(data.xipos[world.body][2]), float(world.moved(data) @ self.way)))
+            places.append(
+                (float(data.xipos[world.body][2]), float(world.displacement(data) @ self.way))
+            )
             return data.time > 0.05 and places[-1][0] < floor
 
         def force(data: mujoco.MjData) -> Array:
@@ -208,7 +210,7 @@ TASKS: Tasks[PhysicsTrial] = ((Slide, SpringPush), (Topple,), (Throw,))
 def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
     """Distance in the direction `way`, m; infinite for an object that tipped over or fell."""
     # An upright object at its former height has slid.
-    moved = world.moved(done)
+    moved = world.displacement(done)
     stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
     return float(moved @ way) if stands else np.inf
 
@@ -294,7 +296,7 @@ class JointTask(Task[JointTrial]):
 
     ways: ClassVar[Array] = WAYS[:1]  # along the joint, whichever way that is
 
-    def tried(self, world: JointTrial) -> tuple[float, float]:
+    def action_range(self, world: JointTrial) -> tuple[float, float]:
         """The same range of forces in every world, N."""
         del world
         return FIRST, MOST
@@ -310,7 +312,7 @@ class Coast(JointTask):
     unit = "m"
     goal = 0.1
 
-    def reached(self, world: JointTrial, action: float) -> float:
+    def outcome(self, world: JointTrial, action: float) -> float:
         """Travel of the handle to the point where it stops or reverses."""
         way, _ = world.run(
             lambda time: action * (time < PUSHED),
@@ -329,7 +331,7 @@ class Steady(ThresholdTask[JointTrial], JointTask):
 
     def plan(self, world: JointTrial) -> float | None:
         """Threshold force of a world, N."""
-        return smallest(lambda force: self._passes(world, force), *self.tried(world))
+        return smallest(lambda force: self._passes(world, force), *self.action_range(world))
 
     def _passes(self, world: JointTrial, force: float) -> bool:
         # A constant force, until the handle has passed the distance.

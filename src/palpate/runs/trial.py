@@ -102,7 +102,7 @@ class PhysicsTrial:
         """True if no velocity component reaches `REST`."""
         return float(np.abs(self.velocity(data)).max()) < REST
 
-    def moved(self, data: mujoco.MjData) -> Array:
+    def displacement(self, data: mujoco.MjData) -> Array:
         """Displacement (3,) m of the centre of mass."""
         return np.asarray(data.xipos[self.body] - self.centre)
 

@@ -31,7 +31,7 @@ def test_a_run_is_watched_and_played_again(tmp_path: Path) -> None:
             .run(observer=page, progress=page.progress)
         )
         seen.until(lambda: "CloseGripper" in seen.text)
-        page.finished(run)
+        page.offer_playback(run)
         seen.until(lambda: "time / s" in seen.text)
         assert "bottle.mass" in seen.text
         assert "grasped at" in seen.text
@@ -50,7 +50,7 @@ def test_a_person_at_the_page_lets_the_robot_move_or_not(
     made = pp.load(SCENE).plan("how heavy is the bottle?").made
     answers: list[bool] = []
     with LivePage(port=0) as page, opened(page.url, tmp_path) as seen:
-        page.planned(made)
+        page.show_plan(made)
         asked = threading.Thread(target=lambda: answers.append(page.confirm(made)))
         asked.start()
         seen.click(button)

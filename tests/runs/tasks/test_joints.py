@@ -45,7 +45,7 @@ def test_a_drawer_coasts_as_far_as_friction_lets_it() -> None:
     world = joint_trial_of(scene(), "thing", {DAMPING: (0.0,), FRICTION: (3.0,)})
     v = (7.0 - 3.0) * 0.2 / 2.0
     expected = v * 0.2 / 2 + 2.0 * v**2 / (2 * 3.0)
-    assert Coast(WAYS[0]).reached(world, 7.0) == pytest.approx(expected, rel=0.05)
+    assert Coast(WAYS[0]).outcome(world, 7.0) == pytest.approx(expected, rel=0.05)
 
 
 def test_a_drawer_opens_steadily_against_friction_and_damping() -> None:

@@ -53,14 +53,14 @@ def test_a_slide_goes_as_far_as_friction_lets_it() -> None:
     force = 2.5
     v = (force / 0.3 - 0.4 * 9.81) * 0.2
     expected = v * 0.2 / 2 + v**2 / (2 * 0.4 * 9.81)
-    assert Slide(X).reached(world, force) == pytest.approx(expected, rel=0.05)
+    assert Slide(X).outcome(world, force) == pytest.approx(expected, rel=0.05)
 
 
 def test_a_push_through_a_spring_stays_behind_by_friction_over_stiffness() -> None:
     world = trial_of(scene(), "block", TRUE)
     behind = 0.4 * 0.3 * 9.81 / SpringPush.stiffness
     on = SpringPush.speed**2 / (2 * 0.4 * 9.81)  # it slides on when the arm stops
-    assert SpringPush(X).reached(world, 0.1) == pytest.approx(0.1 - behind + on, abs=1e-3)
+    assert SpringPush(X).outcome(world, 0.1) == pytest.approx(0.1 - behind + on, abs=1e-3)
 
 
 def test_a_box_tips_where_its_weight_leaves_its_foot() -> None:

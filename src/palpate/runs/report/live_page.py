@@ -112,7 +112,7 @@ class LivePage:
         self._stop.visible = False
         self._say(f"{stage} …")
 
-    def planned(self, run: Run) -> None:
+    def show_plan(self, run: Run) -> None:
         """Show the plan while it is rehearsed."""
         self._show_scene(run.scene)
         self._say("This is the plan; it is being rehearsed …", run.plan.explanation)
@@ -150,7 +150,7 @@ class LivePage:
         self._painted = time.monotonic()
         self._paint(snapshot)
 
-    def finished(self, run: Run) -> None:
+    def offer_playback(self, run: Run) -> None:
         """Offer the run for playback."""
         self._stop.visible = False
         self._say(run.status, *(repr(estimate).strip("<>") for estimate in run.estimates))
