@@ -27,6 +27,7 @@ from palpate.runs.prediction import (
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Trace, sound, trace_around
+from palpate.twin.inject import stated_parameter
 
 WEIGHT = "held-out weight"
 BALANCE = "held-out balance"
@@ -163,7 +164,7 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
     # Only identified values can be contradicted.
     found: list[Estimate] = []
     for estimate in estimates:
-        test = tests.get(stated_as(estimate.parameter))
+        test = tests.get(stated_parameter(estimate.parameter, catalogue()))
         if test is not None and estimate.identified:
             estimate = replace(estimate, tests=(*estimate.tests, test))
         found.append(estimate)
@@ -173,12 +174,6 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
 def usable(estimate: Estimate) -> bool:
     """True if an estimate has a value and no test contradicts it."""
     return estimate.has_value and estimate.verdict != "contradicted"
-
-
-def stated_as(parameter: Parameter) -> Parameter:
-    """Convert to the parameter that the file states: `com` for `com_3d`, whose tilts a held-out motion may lack."""
-    quantity = catalogue().get(parameter.quantity)
-    return parameter if quantity is None else Parameter(parameter.object, quantity.known_as())
 
 
 def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
@@ -231,7 +226,9 @@ def judge(
         return "nothing was recorded of it that could be held out"
     # Repeat the estimates of the object without the interval.
     of_it = [e for e in estimates if e.parameter.object == name and usable(e)]
-    wanted = list(dict.fromkeys(stated_as(estimate.parameter) for estimate in of_it))
+    wanted = list(
+        dict.fromkeys(stated_parameter(estimate.parameter, catalogue()) for estimate in of_it)
+    )
     wanted = [parameter for parameter in wanted if parameter.quantity in FITTED]
     fitted = estimate_all(wanted, trace.without(cut.start, cut.end), scene.bodies, choice)
     again = {estimate.parameter.quantity: estimate for estimate in fitted}

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass
+from functools import partial
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
@@ -13,7 +14,6 @@ from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.runs.figures import ComponentText, figures, in_a_line
-from palpate.runs.held_out import stated_as
 from palpate.runs.report.changes import RecordingEntry, evidence, quantity_label
 from palpate.runs.report.charts import (
     Axis,
@@ -26,6 +26,7 @@ from palpate.runs.report.charts import (
     with_unit,
 )
 from palpate.trace.samples import Trace
+from palpate.twin.inject import stated_parameter
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
@@ -216,8 +217,9 @@ class ParameterText:
 def parameter_groups(run: Run) -> dict[str, list[ParameterText]]:
     """Missing, known and assumed quantities of the scene, by body."""
     # Compare under the names of the scene. Measured values are those that the twin holds.
-    asked = {stated_as(parameter) for parameter in run.plan.parameters}
-    found = {stated_as(one.parameter): one for one in run.estimates if one.verdict in IN_TWIN}
+    stated = partial(stated_parameter, quantities=catalogue())
+    asked = set(map(stated, run.plan.parameters))
+    found = {stated(one.parameter): one for one in run.estimates if one.verdict in IN_TWIN}
     groups: dict[str, list[ParameterText]] = {}
     for name, body in run.scene.bodies.items():
         states: dict[State, Mapping[str, tuple[float, ...]]] = {
