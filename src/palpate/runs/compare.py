@@ -15,7 +15,7 @@ from palpate.common.pose import Array
 from palpate.common.version import __version__
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
-from palpate.runs.fuse import arm_of, differences, estimate_of, names_of, parameters_of
+from palpate.runs.fuse import arm_of, differences, names_of, parameters_of
 from palpate.runs.result import shape_value
 from palpate.runs.run import Run
 
@@ -118,7 +118,7 @@ def _rows(
 ) -> Iterator[ComparedEstimate]:
     first: Source | None = None
     for name, run in zip(names, runs, strict=True):
-        estimate = estimate_of(run, parameter)
+        estimate = run[parameter] if parameter in run else None
         if estimate is None or not estimate.has_value:
             yield ComparedEstimate(name, estimate)
             continue

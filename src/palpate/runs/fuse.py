@@ -98,10 +98,11 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
-        each = [
-            (name, run, estimate_of(run, parameter)) for name, run in zip(names, runs, strict=True)
+        found = [
+            Source(name, arm_of(run), run[parameter])
+            for name, run in zip(names, runs, strict=True)
+            if parameter in run
         ]
-        found = [Source(name, arm_of(run), one) for name, run, one in each if one is not None]
         sources = [source for source in found if source.estimate.is_evidence]
         left_out += [_left_out(source) for source in found if not source.estimate.is_evidence]
         # A prior is no evidence: without an identified estimate there is no fused value.
@@ -168,14 +169,6 @@ def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
     """Parameters of all runs, each once, in order."""
     promised = [estimate.parameter for run in runs for estimate in run.estimates]
     return list(dict.fromkeys(promised))
-
-
-def estimate_of(run: Run, parameter: Parameter) -> Estimate | None:
-    """Estimate of a parameter by a run; None if it has none."""
-    for estimate in run.estimates:
-        if estimate.parameter == parameter:
-            return estimate
-    return None
 
 
 def differences(one: Run, other: Run) -> Iterator[str]:
