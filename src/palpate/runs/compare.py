@@ -118,7 +118,7 @@ def _rows(
 ) -> Iterator[ComparedEstimate]:
     first: Source | None = None
     for name, run in zip(names, runs, strict=True):
-        estimate = run[parameter] if parameter in run else None
+        estimate = {one.parameter: one for one in run.estimates}.get(parameter)
         if estimate is None or not estimate.has_value:
             yield ComparedEstimate(name, estimate)
             continue
