@@ -57,23 +57,14 @@ class FrankyCell(Cell):
 
 
 def connect(url: str, scene: Scene | None) -> FrankyCell:
-    """Cell at a URL, after its control box has answered.
-
-    Raises:
-        InputError: no such URL.
-        Unavailable: it is out of reach.
-    """
+    """Cell at a URL, after its control box has answered."""
     address = read_address(url)
     require_answer(address)
     return FrankyCell(address, scene)
 
 
 def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> Iterator[Finding]:
-    """Run the diagnostic checks of the arm at a URL; see `Driver`.
-
-    Raises:
-        InputError: no such URL.
-    """
+    """Run the diagnostic checks of the arm at a URL; see `Driver`."""
     from palpate.robots.franky import doctor
 
     # Without a scene, the arm's base is the origin of the world.
@@ -105,19 +96,11 @@ class Drivers(Registry[Driver]):
     kind = "driver"
 
     def connect(self, url: str, scene: Scene | None) -> Cell:
-        """The cell at `url`.
-
-        Raises:
-            Unavailable: no driver for its scheme, or no answer at the URL.
-        """
+        """The cell at `url`."""
         return self.of(url).connect(url, scene)
 
     def of(self, url: str) -> Driver:
-        """The driver for a URL.
-
-        Raises:
-            Unavailable: there is none for its scheme.
-        """
+        """The driver for a URL."""
         scheme = url.partition("://")[0]
         if scheme not in self:
             have = ", ".join(sorted(self)) or "none"
@@ -129,10 +112,6 @@ class Drivers(Registry[Driver]):
 
 @cache
 def drivers() -> Drivers:
-    """Palpate's own drivers and those of the entry-point group `palpate.cells`.
-
-    Raises:
-        InputError: an entry point's module cannot be loaded; the message names it.
-    """
+    """Palpate's own drivers and those of the entry-point group `palpate.cells`."""
     others = (part for part in offered("palpate.cells") if isinstance(part, Driver))
     return Drivers((one.scheme, one) for one in (driver, *others))

@@ -154,11 +154,7 @@ class PrimitiveLeaf(Behaviour):
         return message
 
     def _require(self) -> None:
-        """Require free resources and no violation.
-
-        Raises:
-            LeafFailure: with the reason.
-        """
+        """Require free resources and no violation."""
         for resource in sorted(self.primitive.claims & self.blackboard.owner.keys()):
             owner = cast(PrimitiveLeaf, self.blackboard.owner[resource])
             raise LeafFailure(f"the {resource} is in use by {owner.name}: one motion at a time")

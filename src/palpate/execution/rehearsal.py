@@ -129,9 +129,6 @@ def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
 
     A stop in a drawn world is no failure: an arm that meets a table at another height has to stop.
     Harm is a failure in any world.
-
-    Raises:
-        Interrupted: by a signal.
     """
     key = ("rehearsal", plan.parameters, repr(plan.tree), draws)
     return solids(scene).get_or_compute(key, lambda: _rehearse_once(plan, scene, draws))

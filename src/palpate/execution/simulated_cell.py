@@ -209,11 +209,7 @@ def simulated_cell(
 
 
 def _require_match(scene: Scene, world: Scene, tolerance: float) -> None:
-    """Require every object and surface of the scene in the world, with objects of similar size.
-
-    Raises:
-        InputError: one is missing, or differs.
-    """
+    """Require every object and surface of the scene in the world, with objects of similar size."""
     differs = "scene and world do not match:"
     # Names must agree exactly: they connect beliefs and truth.
     absent = [name for name in scene.bodies if name not in world.bodies]

@@ -115,9 +115,6 @@ def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
     Args:
         world: the simulated world.
         names: believed position (3,) of each named body, m.
-
-    Raises:
-        RuntimeError: no usable OpenGL.
     """
     # Draw the grid into the scene, where objects occlude it.
     things = things_in_view(world, names)

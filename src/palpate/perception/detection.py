@@ -27,11 +27,7 @@ Grey = NDArray[np.uint8]
 
 
 def opencv() -> ModuleType:
-    """Import OpenCV.
-
-    Raises:
-        Unavailable: it is not installed.
-    """
+    """Import OpenCV."""
     try:
         import cv2
     except ImportError:

@@ -65,11 +65,7 @@ def looks_in(spec: mujoco.MjSpec) -> dict[str, str]:
 
 
 def dress(spec: mujoco.MjSpec, looks: Looks) -> None:
-    """Add the visual shapes of `looks` to the named bodies of `spec`, in place.
-
-    Raises:
-        InputError: unknown look.
-    """
+    """Add the visual shapes of `looks` to the named bodies of `spec`, in place."""
     bodies: list[mujoco.MjsBody] = list(spec.bodies)
     here = {body.name: body for body in bodies if body.name != spec.worldbody.name}
     worn = {name: look for name, look in looks.items() if name in here}
@@ -121,9 +117,6 @@ def _add_look(spec: mujoco.MjSpec, body: mujoco.MjsBody, look: str, fit: LookBox
     """Add the meshes of a look to a body.
 
     `look` is its name, optionally followed by a space and the text on it or its content.
-
-    Raises:
-        InputError: unknown look; the message lists the valid ones.
     """
     kind, _, words = look.partition(" ")
     looks, words = look_catalogue(), words.strip()

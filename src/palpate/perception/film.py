@@ -107,10 +107,6 @@ def film_of(footage: Footage, trace: Trace | None) -> Film | None:
     """Make the film of a footage; None without frames.
 
     With a trace, each frame states the running leaves and the measured force.
-
-    Raises:
-        RuntimeError: no usable OpenGL.
-        OSError: encoding failed.
     """
     if not footage.frames:
         return None

@@ -168,11 +168,7 @@ MARGIN = 12  # px. Margin around text.
 
 
 def draw_residuals(found: HandEye, path: Path) -> None:
-    """Write a PNG with the residuals of a calibration.
-
-    Raises:
-        InputError: the file exists or cannot be written.
-    """
+    """Write a PNG with the residuals of a calibration."""
     picture = Image.new("RGB", found.lens.size, (255, 255, 255))
     draw, font = ImageDraw.Draw(picture), ImageFont.load_default(16)
     for corners, residuals in zip(found.corners, found.residuals, strict=True):

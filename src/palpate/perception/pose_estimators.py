@@ -212,10 +212,6 @@ def estimate_poses(
         picture: (height, width, 3) RGB.
         lens: intrinsics of the camera.
         depth: (height, width) distances along the view, mm.
-
-    Raises:
-        InputError: invalid answer.
-        Unavailable: no answer, or a failure.
     """
     answer = exchange_document(source, request(scene, picture, lens, depth))
     return parse_answer(answer, scene.objects)

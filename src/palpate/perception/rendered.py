@@ -65,12 +65,7 @@ class SimulatedCamera:
         seed: int = 0,
         imperfections: Imperfections | None = None,
     ) -> None:
-        """Draw the errors of the camera from a seeded generator.
-
-        Raises:
-            InputError: no such camera.
-            Unavailable: no OpenGL.
-        """
+        """Draw the errors of the camera from a seeded generator."""
         flaws = imperfections or Imperfections()
         usable, reason = gl_available()
         if not usable:

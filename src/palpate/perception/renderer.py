@@ -131,11 +131,7 @@ def _failure(backend: str) -> str | None:
 
 
 def _trial(backend: str) -> subprocess.Popen[str]:
-    """Start a process that makes a context.
-
-    Raises:
-        OSError: it cannot be started.
-    """
+    """Start a process that makes a context."""
     # MuJoCo and PyOpenGL read the backend from the environment.
     environment = dict(os.environ)
     if backend:

@@ -63,9 +63,6 @@ def build_stage(
         spec: the scene.
         looks: looks of bodies; by default those stated in the scene.
         soft: soft shadows, which take twice the time of hard ones.
-
-    Raises:
-        InputError: unknown look.
     """
     drawn = spec.copy()
     _strip_paths(drawn)

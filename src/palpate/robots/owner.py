@@ -53,11 +53,7 @@ class Arms(Registry[Path]):
 
 @cache
 def arms() -> Arms:
-    """Return all arms: those of this folder, and those of the entry-point group `palpate.robots`.
-
-    Raises:
-        InputError: an entry point's package cannot be loaded; the message names it.
-    """
+    """Return all arms: those of this folder, and those of the entry-point group `palpate.robots`."""
     found = {path.parent.name: path.parent for path in Path(__file__).parent.glob(f"*/{FILE}")}
     for module in extensions(GROUP):
         found.setdefault(module.__name__.rpartition(".")[2], Path(str(module.__file__)).parent)
@@ -65,11 +61,7 @@ def arms() -> Arms:
 
 
 def load_description(name_or_path: str = DEFAULT, cautious: bool = False) -> RobotDescription:
-    """Load the arm of `--arm NAME|PATH/`; `cautious` limits its pace, as `--cautious`.
-
-    Raises:
-        InputError: as `Arms.load`.
-    """
+    """Load the arm of `--arm NAME|PATH/`; `cautious` limits its pace, as `--cautious`."""
     arm = arms().load(name_or_path)
     return arm.cautious() if cautious else arm
 

@@ -230,11 +230,7 @@ def _read(path: Path, version: int) -> RobotConfig:
 
 
 def write_config(path: Path, config: RobotConfig) -> None:
-    """Write a robot.yaml atomically.
-
-    Raises:
-        InputError: it cannot be written.
-    """
+    """Write a robot.yaml atomically."""
     text = yaml_text(config.model_dump(exclude_none=True))
     try:
         path.parent.mkdir(parents=True, exist_ok=True)

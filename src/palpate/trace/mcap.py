@@ -120,11 +120,7 @@ def read_mcap(path: Path) -> Trace:
 
 
 def read(file: IO[bytes]) -> Trace:
-    """Read the trace in a file.
-
-    Raises:
-        ValueError: not such a file.
-    """
+    """Read the trace in a file."""
     from mcap.records import Channel, Message, Metadata
 
     is_stream = PROFILE.encode() in file.read(64)  # the header comes first
@@ -251,11 +247,7 @@ class TraceStream:
 
 
 def samples_in_block(data: bytes) -> Samples:
-    """Decode the samples in a block, (n, m) numbers in the order of the fields of `Samples`.
-
-    Raises:
-        ValueError: the block does not consist of whole rows.
-    """
+    """Decode the samples in a block, (n, m) numbers in the order of the fields of `Samples`."""
     # Split the columns of the block into signals.
     names = [signal.name for signal in fields(Samples)]
     ends = np.cumsum([len(COLUMNS.get(name, "1")) for name in names])
@@ -293,11 +285,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
 
 
 def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, Message]]:
-    """Iterate over the messages of a complete file of any program, each with its channel and its schema.
-
-    Raises:
-        ValueError: as `records`.
-    """
+    """Iterate over the messages of a complete file of any program, each with its channel and its schema."""
     from mcap.records import Channel, Message, Schema
 
     # Schemas and channels precede the messages that refer to them.

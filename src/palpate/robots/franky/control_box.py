@@ -115,11 +115,7 @@ class Address:
 
 
 def read_address(url: str) -> Address:
-    """Parse a URL.
-
-    Raises:
-        InputError: not of the form.
-    """
+    """Parse a URL."""
     parts = urlsplit(url)
     host = parts.netloc
     options = dict(parse_qsl(parts.query, keep_blank_values=True))

@@ -167,11 +167,7 @@ class Drive:
     def follow(
         self, make: Callable[[Course | None, float], Course], inertia: SpringInertia, reflex: Reflex
     ) -> None:
-        """Follow the course that `make` makes from the present one and its clock.
-
-        Raises:
-            Exception: any exception of franky.
-        """
+        """Follow the course that `make` makes from the present one and its clock."""
         with self.lock:
             before = self.course
             course = make(before, self.clock)

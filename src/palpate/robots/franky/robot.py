@@ -177,11 +177,7 @@ class FrankyRobot(Commanded):
         return self._link.drain()
 
     def recover(self) -> None:
-        """Continue after a stop; the arm moves to its ready pose as slowly as at first.
-
-        Raises:
-            Unavailable: it cannot continue.
-        """
+        """Continue after a stop; the arm moves to its ready pose as slowly as at first."""
         self._session.recover()
         self._link.taken_up()
         self._ready, self._cached = False, None

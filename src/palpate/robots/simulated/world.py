@@ -93,9 +93,6 @@ class World:
             substeps: physics steps in a control cycle while anything touches, or moves apart from the arm;
                 otherwise a cycle has one step.
             q: (7,) rad, initial joint angles; home by default.
-
-        Raises:
-            InputError: the world does not compile, or lacks physics that weighing and touching need.
         """
         self._arm, self._finest, self._substeps = arm, substeps, substeps
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)

@@ -145,9 +145,6 @@ def noise_models() -> NoiseModels:
     group `palpate.noise`.
 
     Palpate's own names cannot be replaced.
-
-    Raises:
-        InputError: an entry point's module cannot be loaded; the message names it.
     """
     models = (part for part in offered(GROUP) if isinstance(part, NoiseModel))
     return NoiseModels((model.name, model) for model in models if model.name not in LEVELS)
