@@ -89,29 +89,21 @@ class Touching(NamedTuple):
 
 
 class Witness:
-    """Observer of a simulation: called after every physics step.
-
-    Attributes:
-        period: s, the shortest physics step.
-        objects: names of the free bodies.
-        masses: their masses, kg.
-        forces: contact forces by pair.
-        axes: (3,) axis of revolution of each object in its own frame, about which it may roll. Zero for
-            a ball, None for other shapes.
-        looks: poses every 5 ms, the first ones before any motion.
-    """
+    """Observer of a simulation: called after every physics step."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Record the first poses; the positions in `data` must be computed."""
         self._model = model
-        self.period = float(model.opt.timestep)
+        self.period = float(model.opt.timestep)  # s, the shortest physics step
         self.steps = 0
-        self.forces: dict[Pair, ContactForces] = {}
+        self.forces: dict[Pair, ContactForces] = {}  # contact forces by pair
         self._name_geoms()
         # Objects are the bodies with a free joint.
         free = [b for b in range(1, model.nbody) if _is_free(model, b)]
-        self.objects = tuple(model.body(b).name for b in free)
-        self.masses = tuple(float(model.body_subtreemass[b]) for b in free)
+        self.objects = tuple(model.body(b).name for b in free)  # names of the free bodies
+        self.masses = tuple(float(model.body_subtreemass[b]) for b in free)  # their masses, kg
+        # (3,) axis of revolution of each object in its own frame, about which it may roll. Zero for
+        # a ball, None for other shapes.
         self.axes = tuple(_axis(model, b) for b in free)
         number = {body: i for i, body in enumerate(free)}
         roots: list[int] = model.body_rootid[model.geom_bodyid].tolist()
@@ -135,6 +127,7 @@ class Witness:
         self._let_go = LET_GO / self.period
         self._force = np.zeros(6)
         self._known: tuple[bytes, int] | None = None
+        # Poses every 5 ms, the first ones before any motion.
         self.looks = [self._look(data, np.zeros(len(free), dtype=bool))]
 
     @classmethod

@@ -24,13 +24,7 @@ WARM_UP = 15  # Frames skipped until the exposure settles
 
 
 class RealSense:
-    """Running RealSense camera.
-
-    Attributes:
-        lens: the lens as stated by the device.
-        depth: (height, width) distances of the newest picture along the view, mm, 0 for none. None
-            if the camera was started without `deep`.
-    """
+    """Running RealSense camera."""
 
     def __init__(self, serial: str | None = None, deep: bool = False) -> None:
         """Start the camera with this serial number, or the only one.
@@ -52,6 +46,8 @@ class RealSense:
         if serial is not None:
             wanted.enable_device(serial)
         wanted.enable_stream(rs.stream.color, WIDTH, HEIGHT, rs.format.rgb8, RATE)
+        # (height, width) distances of the newest picture along the view, mm, 0 for none. None if
+        # the camera was started without `deep`.
         self.depth: NDArray[np.uint16] | None = None
         self._align: Any = None
         if deep:
@@ -73,6 +69,7 @@ class RealSense:
         if deep:
             self._millimetres = 1e3 * profile.get_device().first_depth_sensor().get_depth_scale()
         matrix = [[stated.fx, 0.0, stated.ppx], [0.0, stated.fy, stated.ppy], [0.0, 0.0, 1.0]]
+        # The lens as stated by the device.
         self.lens = Lens(np.array(matrix), (stated.width, stated.height), distortion)
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:

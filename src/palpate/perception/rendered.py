@@ -49,12 +49,7 @@ class Imperfections:
 
 
 class SimulatedCamera:
-    """Camera of a world, with printed tags at the sites named `tag_12`.
-
-    Attributes:
-        lens: the lens as specified by its owner.
-        mount: the pose of the camera as believed by its owner.
-    """
+    """Camera of a world, with printed tags at the sites named `tag_12`."""
 
     def __init__(
         self,
@@ -90,7 +85,8 @@ class SimulatedCamera:
         # Stated intrinsics and pose: the true values with random errors.
         zoom = 1 + flaws.focal * self._random.standard_normal()
         told = Lens(pinhole.matrix, size, self._true.distortion, max(flaws.focal, 1e-6))
-        self.lens = told.zoom_lens(zoom)
+        self.lens = told.zoom_lens(zoom)  # the lens as specified by its owner
+        # The pose of the camera as believed by its owner.
         self.mount = _misplace_mount(stands, flaws, self._random)
 
     def shoot(self, qpos: Array | None = None) -> NDArray[np.uint8]:

@@ -257,11 +257,7 @@ Mask = NDArray[np.bool_]
 
 
 class Constancy:
-    """Time for which each column of some signals, in one array, has been constant.
-
-    Attributes:
-        names: names of the signals.
-    """
+    """Time for which each column of some signals, in one array, has been constant."""
 
     def __init__(self, widths: Mapping[str, int]) -> None:
         """`widths`: signals by name, with their number of columns, in order."""
@@ -270,7 +266,7 @@ class Constancy:
             name: slice(end - width, end)
             for (name, width), end in zip(widths.items(), ends, strict=True)
         }
-        self.names = tuple(widths)
+        self.names = tuple(widths)  # names of the signals
         self._since, self._repeats = np.zeros(ends[-1]), np.zeros(ends[-1], dtype=np.intp)
         self._changes = np.zeros((LEARNT, ends[-1]))
         self._goes_on = np.ones(ends[-1], dtype=np.bool_)  # columns that changed with the last row

@@ -105,13 +105,10 @@ class Watched:
 
 
 class SignalWatch:
-    """All plausibility checks of a robot's signals, each alone and against the robot's description.
-
-    Attributes:
-        fault: the first fault; later reports of the robot do not clear it.
-    """
+    """All plausibility checks of a robot's signals, each alone and against the robot's description."""
 
     def __init__(self, limits: Limits, arm: RobotDescription, sound: bool = False) -> None:
+        # The first fault; later reports of the robot do not clear it.
         self.fault: Fault | None = None
         self._sound = sound
         self._limits, self._arm = limits, arm

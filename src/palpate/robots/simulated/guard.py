@@ -69,12 +69,6 @@ class Guard:
 
     Within a run of at most 40 ms, inertia and Jacobian are those of its beginning. The arm turns by less than
     0.04 rad in that time.
-
-    Attributes:
-        yielding: True while the arm yields.
-        fired: reason for which the arm stopped itself in the last run; None while it continues.
-        felt: number of cycles after which the last run ends because the force changed; None without such a
-            change.
     """
 
     def __init__(self) -> None:
@@ -83,8 +77,11 @@ class Guard:
         self._force: Array = np.zeros(3)
         self._usual: Array = np.zeros(3)
         self._look = 0
-        self.yielding = False
+        self.yielding = False  # True while the arm yields
+        # Number of cycles after which the last run ends because the force changed; None without
+        # such a change.
         self.felt: int | None = None
+        # Reason for which the arm stopped itself in the last run; None while it continues.
         self.fired: str | None = None
 
     def begin(

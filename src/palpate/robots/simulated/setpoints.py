@@ -88,14 +88,12 @@ class Correction:
 
     The controller knows the reported arm; MuJoCo's springs act on the true arm. The correction is the true
     less the reported state, now and at the end of the next run of cycles.
-
-    Attributes:
-        torque: (7,) N m by which the nominal arm's weight exceeds MuJoCo's compensation.
     """
 
     def __init__(self, world: World, readout: Readout, encoders: Encoders, askew: bool) -> None:
         self._world, self._readout, self._encoders = world, readout, encoders
         self._needed = askew or not encoders.exact
+        # (7,) N m by which the nominal arm's weight exceeds MuJoCo's compensation.
         self.torque = np.zeros(7)
         self._turn = np.array([1.0, 0.0, 0.0, 0.0])
         self._before = self._after = self._current_error()

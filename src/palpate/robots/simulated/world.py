@@ -67,16 +67,7 @@ class Steps(NamedTuple):
 
 
 class World:
-    """Physics of one run. `model`, `data` and `frames` serve pictures; `true_*` serve the report.
-
-    Attributes:
-        model: the compiled world, robot included (its names start with `robot/`).
-        frames: (t, qpos) every 1/30 s, as a 30 Hz camera sees it.
-        t: s, time of the world.
-        actuators: actuators of the controller.
-        rest_control: (nu,) initial value of each row of controls, for actuators without a command.
-        watch: observer that is called with the data after every physics step, if set.
-    """
+    """Physics of one run. `model`, `data` and `frames` serve pictures; `true_*` serve the report."""
 
     def __init__(
         self,
@@ -95,6 +86,7 @@ class World:
             q: (7,) rad, initial joint angles; home by default.
         """
         self._arm, self._finest, self._substeps = arm, substeps, substeps
+        # The compiled world, robot included (its names start with `robot/`).
         self.model = compile_world(spec, pose_world_base, arm, truth, substeps)
         self._data = mujoco.MjData(self.model)
         # Addresses of the robot's joints, fingers and frames in the model's arrays.
@@ -121,12 +113,15 @@ class World:
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
         self._signals = np.empty((1, steps, self.model.nsensordata))
         self._at, self._warm = np.empty_like(self._states[:, 0]), np.empty((1, self.model.nv))
-        self.actuators = Actuators(self.model)
+        self.actuators = Actuators(self.model)  # actuators of the controller
+        # (nu,) initial value of each row of controls, for actuators without a command.
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
         self._stiction = declared_stiction(self.model)
+        # (t, qpos) every 1/30 s, as a 30 Hz camera sees it.
         self.frames: list[tuple[float, Array]] = [(0.0, self._data.qpos.copy())]
-        self.t = 0.0
+        self.t = 0.0  # s, time of the world
+        # Observer that is called with the data after every physics step, if set.
         self.watch: Watch | None = None
 
     def step(self, control: Array, guard: Guard) -> Steps:

@@ -143,9 +143,6 @@ class JointFriction:
     The torque approaches plus or minus its level exponentially with the distance moved:
     d tau / d|q| = (level sgn(dq) - tau) / presliding (P. Dahl, "Solid friction damping of mechanical
     vibrations", AIAA Journal 14, 1976).
-
-    Attributes:
-        torque: (7,) N m now, in the direction of the last motion.
     """
 
     def __init__(self, friction: FrictionNoise, period: float, streams: Streams) -> None:
@@ -154,6 +151,7 @@ class JointFriction:
         spread = 1.0 + friction.spread.draw(streams("friction.spread"))
         self._level = friction.coulomb * np.maximum(spread, 0.0)
         self._phase = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
+        # (7,) N m now, in the direction of the last motion.
         self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
         self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
         self._viscous = bool(friction.viscous.any())
@@ -193,15 +191,11 @@ class JointFriction:
 
 
 class Waves:
-    """Two harmonics of a ripple, with the phases of a robot.
-
-    Attributes:
-        none: True if the ripple is zero.
-    """
+    """Two harmonics of a ripple, with the phases of a robot."""
 
     def __init__(self, ripple: EncoderRipple, random: np.random.Generator) -> None:
         sizes = [ripple.size, ripple.second] if ripple.second.any() else [ripple.size]
-        self.none = not np.any(sizes)
+        self.none = not np.any(sizes)  # True if the ripple is zero
         self._parts = [
             (math.sqrt(2.0) * size, k * ripple.cycles, random.uniform(-np.pi, np.pi, JOINTS))
             for k, size in enumerate(sizes, start=1)

@@ -20,9 +20,6 @@ class SignalLine:
     """White noise, filter, delay, quantisation, outliers, repeats and gaps of the torque samples.
 
     It makes the means of blocks of 1 kHz samples. It makes single samples only where an error needs them.
-
-    Attributes:
-        kept: single samples (n, 7), N m, of each run, before any is lost; None if they are not kept.
     """
 
     def __init__(self, torque: Torque, acquisition: Acquisition, streams: Streams) -> None:
@@ -39,6 +36,7 @@ class SignalLine:
         others = torque.filter or torque.delay or self._repeated
         self._single = self._coarse or self._strays or bool(others or self._gaps)
         self._bounded = bool(np.isfinite(torque.range).any())
+        # Single samples (n, 7), N m, of each run, before any is lost; None if they are not kept.
         self.kept: tuple[Array, ...] | None = None
         # State between runs; empty at first.
         self._filtered = self._late = self._last = np.empty((0, JOINTS))
@@ -169,13 +167,10 @@ class Gaps:
 
 
 class Stamps:
-    """Robot time against world time: the rate of the robot's clock, and the jitter of its stamps.
-
-    Attributes:
-        rate: s of robot time per second of world time.
-    """
+    """Robot time against world time: the rate of the robot's clock, and the jitter of its stamps."""
 
     def __init__(self, acquisition: Acquisition, streams: Streams) -> None:
+        # s of robot time per second of world time.
         self.rate = 1.0 + acquisition.clock.number(streams("acquisition.clock"))
         self._jitter, self._random = acquisition.jitter, streams.run("acquisition.jitter")
 

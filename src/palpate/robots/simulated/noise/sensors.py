@@ -93,15 +93,12 @@ class Gauges:
 
 
 class Relaxation:
-    """Ornstein-Uhlenbeck process of `count` components with stationary standard deviation `size`, exact at any step.
-
-    Attributes:
-        value: (count,) now; a random walk (infinite `time` constant) starts at zero.
-    """
+    """Ornstein-Uhlenbeck process of `count` components with stationary standard deviation `size`, exact at any step."""
 
     def __init__(self, size: Array | float, time: float, random: np.random.Generator, count: int):
         self._size, self._time, self._random, self._count = size, time, random, count
         walks = math.isinf(time)
+        # (count,) now; a random walk (infinite `time` constant) starts at zero.
         self.value: Array = np.zeros(count) if walks else size * random.standard_normal(count)
 
     def after(self, duration: float) -> Array:
@@ -157,15 +154,12 @@ class FlickerNoise:
 
 
 class Wander:
-    """Slow and coloured noise of the torque signals: drift, warm-up, flicker, zeroing offset.
-
-    Attributes:
-        left: (7,) N m, offset that remains after zeroing.
-    """
+    """Slow and coloured noise of the torque signals: drift, warm-up, flicker, zeroing offset."""
 
     def __init__(self, torque: Torque, period: float, streams: Streams) -> None:
         drift = torque.drift
         self._period, self._t, self._warm_up_time = period, 0.0, drift.warm_up_time
+        # (7,) N m, offset that remains after zeroing.
         self.left = torque.offset.draw(streams.run("torque.offset"))
         self._drift = self._warm_up = self._flicker = None
         if drift.size.any():
@@ -290,17 +284,13 @@ class SensorReading(NamedTuple):
 
 
 class Sensors:
-    """Errors of the joint torque sensors, whose state follows the arm's motion.
-
-    Attributes:
-        rests: errors of each rest, among them that of the reported pose.
-        line: acquisition of the torque samples.
-    """
+    """Errors of the joint torque sensors, whose state follows the arm's motion."""
 
     def __init__(self, noise: NoiseModel, tau_max: Array, streams: Streams) -> None:
         """Draw the sensors' errors; `tau_max` (7,), N m, is the range of a sensor where the model states none."""
         torque, vibration = noise.torque, noise.environment.vibration
         self._friction = JointFriction(noise.friction, PERIOD, streams)
+        # Errors of each rest, among them that of the reported pose.
         self.rests = Rests(noise.sticking, noise.pose, PERIOD, streams)
         pull = noise.model.payload_cable
         self._cable = Cable(pull, streams) if pull else None
@@ -309,6 +299,7 @@ class Sensors:
             self._vibration = BaseVibration(vibration, PERIOD, streams)
         self._gauges = Gauges(torque, tau_max, streams)
         self._wander = Wander(torque, PERIOD, streams)
+        # Acquisition of the torque samples.
         self.line = SignalLine(torque, noise.acquisition, streams)
         self._white, self._looks = torque.white, streams.run("torque.white.looks")
         self._noisy = bool(torque.white.any())

@@ -18,16 +18,13 @@ SHARE = 0.3  # of a body's mass that may be moved to shift its centre of mass
 
 
 class TrueArm:
-    """Deviations of an individual robot from the nominal model, applied to a world.
-
-    Attributes:
-        askew: True if the TCP may differ from the reported one, or the compensated weight may differ
-            from the controller's model.
-    """
+    """Deviations of an individual robot from the nominal model, applied to a world."""
 
     def __init__(self, model: ModelErrors, streams: Streams) -> None:
         self._model, self._streams = model, streams
         geometry = (model.base_tilt, model.base_position, model.base_yaw, model.joint_offset)
+        # True if the TCP may differ from the reported one, or the compensated weight may differ
+        # from the controller's model.
         self.askew = any(drawn.any for drawn in (*geometry, model.link_length, model.gravity))
 
     def base(self, pose_world_base: Pose) -> Pose:
