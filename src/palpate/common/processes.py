@@ -8,6 +8,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
 from multiprocessing import parent_process
@@ -302,3 +303,36 @@ def _work_and_send(sender: Connection, work: Callable[[], T]) -> None:
 def _leave(*_: object) -> None:
     """End the copy by way of its `finally` blocks."""
     raise SystemExit
+
+
+# Calls that may never return.
+
+
+class Late(Exception):
+    """A call did not return in time. It continues in its thread; its result is lost."""
+
+
+class Call(Generic[T]):
+    """A call in a daemon thread, for functions without a time-out that an unresponsive host would block
+    for ever."""
+
+    def __init__(self, what: Callable[[], T], name: str) -> None:
+        self._future: Future[T] = Future()
+
+        def run() -> None:
+            try:
+                self._future.set_result(what())
+            except BaseException as error:
+                self._future.set_exception(error)
+
+        threading.Thread(target=run, name=name, daemon=True).start()
+
+    def result(self, seconds: float) -> T:
+        """Return the call's value, or raise its exception.
+
+        Raises:
+            Late: no result within `seconds`.
+        """
+        if not wait([self._future], seconds).done:
+            raise Late(f"no answer within {seconds:.1f} s")
+        return self._future.result()

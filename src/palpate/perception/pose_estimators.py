@@ -9,13 +9,11 @@ import os
 import selectors
 import shlex
 import signal
-import socket
 import subprocess
 import tempfile
-import threading
 import time
-from collections.abc import Generator, Mapping
-from contextlib import contextmanager, suppress
+from collections.abc import Mapping
+from contextlib import suppress
 from http.client import HTTPConnection, HTTPException, HTTPSConnection
 from typing import Annotated, Any
 from urllib.parse import SplitResult, urlsplit
@@ -27,6 +25,7 @@ from pydantic import AfterValidator, BaseModel, ValidationError
 from palpate.common.errors import InputError, Unavailable, unknown_name
 from palpate.common.files import describe_error
 from palpate.common.pose import Pose
+from palpate.common.processes import Call, Late
 from palpate.mjcf.shapes import Shapes, hull_points, mesh_corners
 from palpate.perception.lens import Lens
 from palpate.perception.solve import Estimated
@@ -136,57 +135,31 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
         raise InputError(
             "pose_estimator= is no URL of the form http://HOST:PORT/PATH, without a user name"
         )
-    # The timeout of a socket applies to each read. A timer bounds the whole exchange.
     kind = HTTPSConnection if url.scheme == "https" else HTTPConnection
     connection = kind(url.hostname, port, timeout=seconds)
-    where = f"{url.hostname}:{connection.port}"
+    where = f"{_WHO} at {url.hostname}:{connection.port}"
+
+    def exchange() -> tuple[int, bytes]:
+        try:
+            path = (url.path or "/") + (f"?{url.query}" if url.query else "")
+            connection.request("POST", path, document, {"Content-Type": "application/json"})
+            response = connection.getresponse()
+            return response.status, response.read(MAX_ANSWER + 1)
+        finally:
+            connection.close()
+
+    # The timeout of a socket applies to each read; that of the call bounds the whole exchange.
     try:
-        connection.connect()
-        with _closed_after(connection.sock, seconds) as late:
-            try:
-                path = url.path or "/"
-                headers = {"Content-Type": "application/json"}
-                connection.request(
-                    "POST", f"{path}?{url.query}" if url.query else path, document, headers
-                )
-                response = connection.getresponse()
-                answer = response.read(MAX_ANSWER + 1)
-            except (OSError, HTTPException, ValueError) as error:
-                if late.is_set() or isinstance(error, TimeoutError):
-                    raise TimeoutError from None
-                raise Unavailable(f"{_WHO} at {where}: {type(error).__name__}") from None
-            if late.is_set():
-                raise TimeoutError
-    except TimeoutError:
-        raise Unavailable(f"{_WHO} at {where} does not answer within {seconds:g} s") from None
-    except OSError as error:
-        raise Unavailable(f"{_WHO} at {where}: {error.strerror or error}") from None
-    finally:
-        connection.close()
+        status, answer = Call(exchange, "pose estimator").result(seconds)
+    except (Late, TimeoutError):
+        raise Unavailable(f"{where} does not answer within {seconds:g} s") from None
+    except (OSError, HTTPException, ValueError) as error:
+        reason = getattr(error, "strerror", None) or type(error).__name__
+        raise Unavailable(f"{where}: {reason}") from None
     # Redirects are not followed: any status other than 200 is a failure.
-    if response.status != 200:
-        raise Unavailable(f"{_WHO} at {where} answers with HTTP status {response.status}")
+    if status != 200:
+        raise Unavailable(f"{where} answers with HTTP status {status}")
     return answer
-
-
-@contextmanager
-def _closed_after(sock: socket.socket, seconds: float) -> Generator[threading.Event]:
-    """Close a connection after a total time, even if it still receives data; then set the event."""
-    # Shutting the socket down interrupts a blocked read.
-    late = threading.Event()
-
-    def close() -> None:
-        late.set()
-        with suppress(OSError):
-            sock.shutdown(socket.SHUT_RDWR)
-
-    timer = threading.Timer(seconds, close)
-    timer.daemon = True
-    timer.start()
-    try:
-        yield late
-    finally:
-        timer.cancel()
 
 
 # Protocol of external pose estimators (FoundationPose, MegaPose, …): one JSON document in each

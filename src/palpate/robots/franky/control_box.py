@@ -8,18 +8,13 @@ import ipaddress
 import re
 import socket
 import struct
-import threading
-from collections.abc import Callable
-from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import cache
 from types import ModuleType
-from typing import Any, Generic, TypeVar
+from typing import Any
 from urllib.parse import parse_qsl, urlsplit
 
 from palpate.common.errors import InputError, Unavailable
-
-T = TypeVar("T")
 
 
 @cache
@@ -37,37 +32,6 @@ def franky() -> ModuleType:
             f"x86_64): {error}"
         ) from error
     return module
-
-
-class Late(Exception):
-    """A call did not return in time. It continues in its thread; its result is lost."""
-
-
-class Call(Generic[T]):
-    """A call in a daemon thread: `franky`'s constructors have no time-out, and an unresponsive host would
-    block them for ever.
-    """
-
-    def __init__(self, what: Callable[[], T], name: str) -> None:
-        self._future: Future[T] = Future()
-
-        def run() -> None:
-            try:
-                self._future.set_result(what())
-            except BaseException as error:
-                self._future.set_exception(error)
-
-        threading.Thread(target=run, name=name, daemon=True).start()
-
-    def result(self, seconds: float) -> T:
-        """Return the call's value, or raise its exception.
-
-        Raises:
-            Late: no result within `seconds`.
-        """
-        if not wait([self._future], seconds).done:
-            raise Late(f"no answer within {seconds:.1f} s")
-        return self._future.result()
 
 
 # Address of a Franka's control box, `franky://HOST[?realtime=ignore]`, and a check that it answers in a

@@ -17,9 +17,10 @@ import numpy as np
 
 from palpate.common.errors import InputError, PalpateError
 from palpate.common.pose import Array, Pose
+from palpate.common.processes import Call
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky import control_box
-from palpate.robots.franky.control_box import SPOKEN, Address, Call, franky, greet
+from palpate.robots.franky.control_box import SPOKEN, Address, franky, greet
 from palpate.robots.franky.session import FrankySession, pose_of, require_end_effector
 from palpate.robots.nominal import NominalArm
 from palpate.trace.samples import STANDARD_GRAVITY

@@ -13,8 +13,8 @@ import numpy as np
 
 from palpate.common.errors import Unavailable
 from palpate.common.pose import Array
+from palpate.common.processes import Call
 from palpate.robots.franky import control_box
-from palpate.robots.franky.control_box import Call
 from palpate.robots.franky.drive import CycleRow, Drive
 from palpate.robots.franky.session import PERIOD, FrankySession, StateReadout
 from palpate.robots.sheet import ParallelHand

@@ -13,8 +13,9 @@ import numpy as np
 
 from palpate.common.errors import InputError, Stopped, Unavailable
 from palpate.common.pose import Array, Pose
+from palpate.common.processes import Call, Late
 from palpate.robots.franky import control_box
-from palpate.robots.franky.control_box import Address, Call, Late, franky, mode_of, require_answer
+from palpate.robots.franky.control_box import Address, franky, mode_of, require_answer
 from palpate.robots.franky.drive import CYCLE, CycleRow
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.sheet import Reflex
