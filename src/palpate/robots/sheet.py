@@ -93,6 +93,7 @@ class Reflexes:
 
 FILE = "description.yaml"
 MAX_BYTES = 100_000  # largest description
+EMPTY = 0.002  # m: a hand that is closed to less holds nothing
 SPARE = 0.005  # m of clearance in the bounds of the hand
 
 

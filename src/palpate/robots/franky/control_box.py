@@ -41,7 +41,7 @@ def franky() -> ModuleType:
 SCHEME = "franky"
 FORM = "franky://HOST, e.g. franky://172.16.0.2, or franky://HOST?realtime=ignore"
 ROBOT_PORT = 1337  # libfranka's command port of the arm
-ANSWERS = 2.0  # s in which a control box accepts a connection, and answers a greeting
+ANSWERS = 2.0  # s in which a control box, an arm and a hand answer
 # Version of the robot interface of libfranka 0.18 and later, with which franky-control 2.0 is built
 # (libfranka-common, research_interface/robot/rbk_types.h and service_types.h).
 SPOKEN = 10

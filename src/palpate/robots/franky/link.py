@@ -17,10 +17,9 @@ from palpate.common.processes import Call
 from palpate.robots.franky import control_box
 from palpate.robots.franky.drive import CycleRow, Drive
 from palpate.robots.franky.session import PERIOD, FrankySession, StateReadout
-from palpate.robots.sheet import ParallelHand
+from palpate.robots.sheet import EMPTY, ParallelHand
 from palpate.trace.samples import Samples
 
-NOTHING = 0.002  # m: an opening below this is an empty hand
 MARGIN = 0.002  # m: fingers this close to fully open count as open
 PAUSE = 0.01  # s between two queries of the hand, which sends about 20 or more packets a second
 MISSED = 3  # unanswered queries, each of libfranka's time-out, 1 s, after which it is lost
@@ -64,7 +63,7 @@ class HandThread:
     def gripping(self) -> bool:
         """Test if the hand closed and holds an object."""
         fingers = self.fingers
-        return self._closed and not self.moving and fingers.grasped and fingers.width > NOTHING
+        return self._closed and not self.moving and fingers.grasped and fingers.width > EMPTY
 
     def require_free(self) -> None:
         """Require an empty hand.
@@ -73,7 +72,7 @@ class HandThread:
             Unavailable: it holds an object.
         """
         fingers = self.fingers
-        if fingers.grasped and fingers.width > NOTHING:
+        if fingers.grasped and fingers.width > EMPTY:
             self.end()
             raise Unavailable(
                 f"the hand holds something at {1e3 * fingers.width:.0f} mm: take it out (Desk opens "
@@ -156,7 +155,7 @@ OWN_STALL = 0.7  # s of silence allowed for a computer without a realtime kernel
 # data can still be acted on.
 SILENT = 0.08
 GAP = 0.03  # s without a sample
-ANSWERS = 0.1  # s in which a control box that ended a motion reports its mode
+MODE_WAIT = 0.1  # s in which a control box that ended a motion reports its mode
 
 
 class StateListener:
@@ -261,7 +260,9 @@ class StateListener:
             self.lost = control_box.is_network(error)
             if not self.lost:
                 with suppress(Exception):
-                    state = Call(lambda: self._session.robot.state, "palpate mode").result(ANSWERS)
+                    state = Call(lambda: self._session.robot.state, "palpate mode").result(
+                        MODE_WAIT
+                    )
                     self.mode = control_box.mode_of(state)
             self.fail(error)
         self._drive.note_end()

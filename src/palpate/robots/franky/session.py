@@ -15,7 +15,7 @@ from palpate.common.errors import InputError, Stopped, Unavailable
 from palpate.common.pose import Array, Pose
 from palpate.common.processes import Call, Late
 from palpate.robots.franky import control_box
-from palpate.robots.franky.control_box import Address, franky, mode_of, require_answer
+from palpate.robots.franky.control_box import ANSWERS, Address, franky, mode_of, require_answer
 from palpate.robots.franky.drive import CYCLE, CycleRow
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.sheet import Reflex
@@ -182,7 +182,6 @@ def black_box(rows: Sequence[CycleRow], why: str) -> Mapping[str, Array] | None:
 
 CONNECTED = 4.0  # s within which the control box must answer
 LET_GO = 0.6  # s to wait for the end of a control loop
-ANSWERS = 2.0  # s within which a guided arm and its hand report their pose
 # Share of a joint's torque limit that an external torque may reach before the control box stops the
 # arm.
 TORQUES = 0.9

@@ -9,7 +9,7 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.robots.description import PREFIX, RobotDescription
-from palpate.robots.sheet import ParallelHand
+from palpate.robots.sheet import EMPTY, ParallelHand
 from palpate.robots.springs import SpringGains, Swivel
 
 ORIGIN = PREFIX + "origin"
@@ -104,7 +104,6 @@ DRIVE = "fingers"
 LAG = 0.015  # s: lag of the fingers behind their set-point
 STANDSTILL = 0.001  # m/s: slower fingers count as at rest
 STANDING = 0.1  # s at rest before the fingers count as stopped
-NOTHING = 0.002  # m: an opening below this is an empty hand
 # m: radius of a finger's edges: 1.5 times the indentation by an object held at one edge of a pad.
 ROUNDING = 0.0015
 
@@ -172,7 +171,7 @@ class Gripper:
     @property
     def gripping(self) -> bool:
         """Test if the hand is closed on an object."""
-        return self._goal == self._closed and not self.moving and self.width > NOTHING
+        return self._goal == self._closed and not self.moving and self.width > EMPTY
 
     def open(self, t: float, width: float | None = None) -> None:
         """Start opening to `width` m, or fully."""
