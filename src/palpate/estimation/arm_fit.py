@@ -542,6 +542,12 @@ def fit_arm(
         for here, spectrum in spectra:
             pairs = zip(left[here].T, known[here].T, strict=True)
             std[here] = np.stack([spectrum.std(*pair) for pair in pairs], axis=1)
+        # A difference with and without the load has at least the noise of differences between repetitions.
+        again, loaded = rows.kind == REPEAT, rows.kind == DIFFERENCE
+        if again.any():
+            f, first = np.unique(rows.frequency[again], return_index=True)
+            least = [np.interp(rows.frequency[loaded], f, one[again][first]) for one in std.T]
+            std[loaded] = np.maximum(std[loaded], np.stack(least, axis=1))
         level = np.abs(posterior[COULOMB][0]) + SMALLEST_RESIDUAL
         if loads:
             means = [posterior[cause.name][0] for cause, _ in loads]

@@ -76,10 +76,10 @@ LIKELY_RESTART = (0.7, 0.3)
 """prior probabilities that such a gap is not, and is, a restart. Chosen, without a source. Not
 sensitive at 0.9."""
 
-DRIFT_FACTORS = (0.3, 1.0, 3.0, 10.0)
+DRIFT_FACTORS = (1.0, 3.0, 10.0)
 """Factors on the drift of the sensors' zeros, `DRIFT`. Repetitions of a motion show it. Sensitive: mass 0.1 σ, std
-×1.0–1.04."""
-LIKELY_DRIFT = (0.3, 0.3, 0.3, 0.1)
+×1.0–1.1."""
+LIKELY_DRIFT = (0.5, 0.4, 0.1)
 """Prior probabilities of `DRIFT_FACTORS`. Chosen, without a source. Sensitive: no."""
 LOAD, HAND, ZERO_DRIFT = "load", "hand", "drift"
 """Names of causes."""
