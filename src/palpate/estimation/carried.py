@@ -19,6 +19,7 @@ from palpate.estimation.arm_fit import (
     FRICTION,
     OFFSET_PRIOR,
     PARTS,
+    WEIGHT,
     Assumed,
     Bodies,
     Setup,
@@ -115,6 +116,17 @@ class CarriedLoad:
     def compared(self) -> bool:
         """True if the recording also holds motion of the empty hand."""
         return not self.hanging.all()
+
+    @property
+    def kinematic_error(self) -> float:
+        """Standard deviation, m, of the place of the load by errors of link lengths and joint zeros.
+
+        It is in proportion to the errors of the links' weight that the recording shows.
+        """
+        mean, covariance = self.posterior[WEIGHT]
+        prior = next(cause.prior for cause in self.posterior.causes if cause.name == WEIGHT)
+        scale = float(np.sqrt(np.mean((mean**2 + np.diag(covariance)) / prior**2)))
+        return KINEMATIC * min(scale / CAREFUL, 1.0)
 
     def seconds(self, hanging: bool) -> float:
         """Duration of the stretches with (`hanging`) or without the load, s."""
@@ -257,6 +269,11 @@ CARRIED_HALF = 1.0
 """s: shortest half of a window whose mass is compared with the others. Not sensitive."""
 COM_BELIEVED = 0.05
 """m (1 sigma): prior distance of a load's centre of mass from the fingertips. Not sensitive."""
+KINEMATIC = 4e-4
+"""m (1 sigma): error of the hand's place by link lengths and joint zeros of an arm installed with care: 0.3 mm a link,
+and 1 mrad a joint at the wrist's levers. Sensitive: com std ×1.0–1.4 above 1 kg."""
+CAREFUL = 0.2
+"""factor on the prior errors of links (`LINK_MASS`, `LINK_CENTRE`) of such an arm. Sensitive: as `KINEMATIC`."""
 RADIUS_BELIEVED = 0.1
 """m: largest plausible radius of gyration of a load. Not sensitive."""
 CARRIED_APART = 0.03
@@ -321,7 +338,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
 
     # Propagate the covariance, and mark the axes that the motion did not excite.
     slopes = _slopes(centre, found.value)
-    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
+    stds = np.hypot(np.sqrt(np.diag(slopes @ found.covariance @ slopes.T)), found.kinematic_error)
     unseen = tuple(np.flatnonzero(stds > COM_BELIEVED).tolist())
     made = Estimate.normal(
         parameter,
