@@ -546,7 +546,9 @@ def fit_arm(
         again, loaded = rows.kind == REPEAT, rows.kind == DIFFERENCE
         if again.any():
             f, first = np.unique(rows.frequency[again], return_index=True)
-            least = [np.interp(rows.frequency[loaded], f, one[again][first]) for one in std.T]
+            least: list[Array] = [
+                np.interp(rows.frequency[loaded], f, one[again][first]) for one in std.T
+            ]
             std[loaded] = np.maximum(std[loaded], np.stack(least, axis=1))
         level = np.abs(posterior[COULOMB][0]) + SMALLEST_RESIDUAL
         if loads:
