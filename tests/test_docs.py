@@ -6,10 +6,15 @@ from pathlib import Path
 
 import pytest
 import yaml
+from typer.testing import CliRunner
 
+from palpate.cli.app import app
 from palpate.estimation.quantities.catalogue import PURPOSES, catalogue
 from palpate.planning.check.check import RULES
 from palpate.primitives.registry import vocabulary
+from palpate.robots.robot_config import read_config
+from palpate.robots.simulated.noise.models import noise_models
+from palpate.scene.poses import parse_poses
 
 ROOT = Path(__file__).parents[1]
 DOCS = ROOT / "docs"
@@ -58,6 +63,40 @@ def test_the_page_of_keys_has_a_meaning_for_each() -> None:
     keys = {key for key, _ in rows}
     assert {"torque_gain.covariance", "hand.pads.half", "torque.ripple.resonance.damping"} <= keys
     assert [key for key, meaning in rows if not meaning] == []
+
+
+def blocks(page: str, language: str) -> list[str]:
+    """The code blocks of a page in a language."""
+    text = (DOCS / page).read_text(encoding="utf-8")
+    return re.findall(rf"^```{language}\n(.*?)^```$", text, re.MULTILINE | re.DOTALL)
+
+
+def test_the_plan_of_the_page_passes_the_check(tmp_path: Path) -> None:
+    plan = tmp_path / "plan.json"
+    plan.write_text(blocks("plan.md", "json")[0], encoding="utf-8")
+    scene = str(ROOT / "examples" / "desk.xml")
+    done = CliRunner().invoke(app, ["check", str(plan), "--scene", scene])
+    assert done.exit_code == 0, done.output
+
+
+@pytest.mark.parametrize("page", ["calibration.md", "franka.md"])
+def test_the_robot_yaml_of_a_page_is_read(tmp_path: Path, page: str) -> None:
+    (text,) = [block for block in blocks(page, "yaml") if block.startswith("palpate_robot")]
+    file = tmp_path / "robot.yaml"
+    file.write_text(text, encoding="utf-8")
+    assert read_config(file).gravity is not None
+
+
+def test_the_noise_model_of_the_page_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "worn.yaml"
+    file.write_text(blocks("noise.md", "yaml")[0], encoding="utf-8")
+    assert noise_models().load(str(file)).name == "worn pads"
+
+
+def test_the_poses_of_the_page_are_read() -> None:
+    covariance = str([[1e-6 * (row == column) for column in range(6)] for row in range(6)])
+    text = blocks("poses.md", "yaml")[0].replace("[[…], …]", covariance)
+    assert set(parse_poses(text, "poses.md").objects) == {"bottle", "box", "tin"}
 
 
 def test_the_readmes_three_lines_print_what_it_says(
