@@ -64,7 +64,7 @@ def estimate(
         Path | None,
         _of_log("--out", "DIR", "Run folder to make, or with --how the motion's file.", "-o"),
     ] = None,
-    given: Annotated[Given, settings("scene", "arm", "robot_config")],
+    given: Annotated[Given, settings("scene", "arm", "robot_config", "remeasure")],
     as_json: AsJson = False,
 ) -> None:
     """Estimate again from a stored trace, or from anybody's recording of an arm what it carried.

@@ -17,6 +17,7 @@ from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.size import size_on_the_way
 from palpate.execution.cell import Cell
 from palpate.planning.plan import Plan, part_of
+from palpate.planning.symbolic.planner import split_known
 from palpate.primitives.state import SymbolicState
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.executing import perform
@@ -213,8 +214,16 @@ def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
     scene = made.scene
     if made.seen and made.final_state is not None:
         scene = made.final_state.scene
-    twin = build(scene, made.estimates, on_the_way=sizes_on_the_way(made, scene))
+    written = estimates_to_write(made, made.estimates)
+    twin = build(scene, written, on_the_way=sizes_on_the_way(made, scene))
     return replace(made, scene=scene, finished=twin)
+
+
+def estimates_to_write(made: Run, estimates: Sequence[Estimate]) -> list[Estimate]:
+    """Leave out what the scene states. A recording shows it, though nobody asked to measure it again."""
+    found = {one.parameter: one for one in estimates}
+    is_asked = not made.is_recorded or made.settings.remeasure
+    return [found[one] for one in split_known(found, made.scene, is_asked)[1]]
 
 
 def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:

@@ -16,6 +16,7 @@ from palpate.common.parameter import Parameter
 from palpate.common.version import __version__
 from palpate.estimation.estimate import COLUMNS, Estimate, Estimates, not_identified
 from palpate.estimation.fusion import Source, fuse
+from palpate.runs.building import estimates_to_write
 from palpate.runs.folder import new_folder, write_json, write_text
 from palpate.runs.result import parameter_json, twin_json
 from palpate.runs.run import Run
@@ -109,7 +110,7 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
         unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
         fused = fuse(sources) if sources else unknown
         estimates.append(replace(fused, simulated=runs[0].simulated))
-    twin = build_twin(runs[0].scene, estimates)
+    twin = build_twin(runs[0].scene, estimates_to_write(runs[0], estimates))
     return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
 
 

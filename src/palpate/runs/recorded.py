@@ -19,6 +19,7 @@ from palpate.estimation.logs.trace import Carrying, trace_of
 from palpate.estimation.quantities.estimators import estimate_all
 from palpate.estimation.recording_check import require_within_limits
 from palpate.planning.plan import Plan
+from palpate.planning.symbolic.planner import split_known, stated_clause
 from palpate.robots.owner import own_arm
 from palpate.runs.building import build_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
@@ -41,7 +42,7 @@ def estimate_recording(
 ) -> Run:
     """Estimate the load of a recording; with a scene, of which it is an object, build its twin.
 
-    Only scene, poses, root, arm and robot.yaml of the settings are used. `empty` is a recording of
+    Only scene, poses, root, arm, robot.yaml and `remeasure` of the settings are used. `empty` is a recording of
     the empty hand, and `columns` maps the columns of both.
 
     Raises:
@@ -73,18 +74,13 @@ def estimate_recording(
         quantities += ["com", "inertia"]
     else:
         notes.append("Centre of mass and inertia need the object's pose in the hand: in_hand=POSE.")
-    if settings.scene is not None:
-        known = scene.bodies[carrying.name].known
-        notes += [
-            f"The scene states the {scene.catalogue[id].label} of '{carrying.name}' "
-            f"({' '.join(f'{number:.4g}' for number in known[id])}); what is measured replaces it in the twin."
-            for id in quantities
-            if id in known
-        ]
     # Convert the recordings to a trace, and estimate.
     parameters = [Parameter(carrying.name, quantity) for quantity in quantities]
     if carrying.hand == "found":
         parameters.append(Parameter(HAND, "mass"))
+    twin = "gets the measured value" if settings.remeasure else "keeps it, without --remeasure"
+    stated, _ = split_known(parameters, scene, remeasure=False)
+    notes += [f"{stated_clause(one, scene)}; the twin {twin}." for one in stated]
     trace = trace_of(
         logs[0],
         carrying,

@@ -50,6 +50,7 @@ def estimate(
     arm: str | Path = "fr3",
     robot_config: str | Path | None = None,
     columns: str | Path | None = None,
+    remeasure: bool = False,
     progress: Progress = ignore,
 ) -> Run:
     """Estimate mass, centre of mass and inertia of a load from a recording of any arm.
@@ -71,6 +72,7 @@ def estimate(
         arm: a name, or the folder of a description.
         robot_config: `robot.yaml`: calibration of this very arm.
         columns: YAML that maps the recording's columns to signals.
+        remeasure: replace values that the scene states in its twin; else the twin keeps them.
         progress: called with the name of the present stage.
 
     Returns:
@@ -94,7 +96,7 @@ def estimate(
     except (TypeError, ValueError):
         raise InputError(f"loaded={loaded}: give (start, stop) in s, or several of these") from None
     # Estimate with one BLAS thread: the matrices are small.
-    settings = settings_of(scene=scene, arm=arm, robot_config=robot_config)
+    settings = settings_of(scene=scene, arm=arm, robot_config=robot_config, remeasure=remeasure)
     carrying, callbacks = (
         Carrying(object or LOAD, windows, pose, hand),
         RunCallbacks(progress=progress),

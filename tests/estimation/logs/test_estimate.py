@@ -173,15 +173,28 @@ def test_the_twin_of_a_scene(npz: Path, tmp_path: Path) -> None:
     assert not any(f">{what}<" in page for what in ("Seed", "seed", "Sensor noise", "Reproduce"))
 
 
-def test_a_value_that_the_scene_states_is_named_before_it_is_replaced(
-    npz: Path, tmp_path: Path
+@pytest.mark.parametrize(
+    ("mass", "remeasure", "kept"), [("0.7", False, True), ("0.7", True, False), ("?", False, False)]
+)
+def test_a_stated_value_is_replaced_on_request_only(
+    npz: Path, tmp_path: Path, mass: str, remeasure: bool, kept: bool
 ) -> None:
-    stated = "The scene states the mass of 'drill' (0.7); what is measured replaces it in the twin."
-    for mass, is_said in (("0.7", True), ("?", False)):
-        scene = tmp_path / "scene.xml"
-        scene.write_text(SCENE.replace('mass="?"', f'mass="{mass}"'))
-        run = pp.estimate(npz, [WINDOW], scene=scene, object="drill")
-        assert (stated in run.plan.notes) == is_said
+    scene = tmp_path / "scene.xml"
+    scene.write_text(SCENE.replace('mass="?"', f'mass="{mass}"'))
+    run = pp.estimate(npz, [WINDOW], scene=scene, object="drill", remeasure=remeasure)
+    # The measured value is reported in any case; the twin has the stated one unless it is asked for.
+    assert inside(run["drill.mass"], MASS)
+    expected = 0.7 if kept else run["drill.mass"].value
+    assert run.twin is not None
+    assert run.twin.mjmodel.body("drill").mass[0] == pytest.approx(expected, rel=1e-3)
+    notes = " ".join(run.plan.notes)
+    assert ("'drill' is stated by the scene (0.7 kg)" in notes) == (mass != "?")
+    assert ("the twin keeps it, without --remeasure" in notes) == kept
+    assert run.status == "complete"
+    # A folder keeps the choice.
+    again = pp.open(run.save(tmp_path / "run").folder or "")
+    assert again.twin is not None
+    assert again.twin.mjmodel.body("drill").mass[0] == pytest.approx(expected, rel=1e-3)
 
 
 def test_one_window_needs_no_list(npz: Path) -> None:
