@@ -27,7 +27,7 @@ DESK = """<mujoco model="desk"><worldbody><light pos="0 0 2"/><site name="robot_
 <camera name="over" pos="0.5 -0.4 0.75" xyaxes="1 0 0 0 0.8 0.6" fovy="45"/>
 <body name="table" pos="0.5 0 0.1"><geom type="box" size=".3 .3 .02" friction=".8"/>
   <site name="tag_0" pos="-.12 -.1 .02" size=".03"/><site name="tag_1" pos=".12 .1 .02" size=".03"/></body>
-<body name="box" pos="{x} 0 0.15"><freejoint/><geom type="box" size=".033 .033 .03" friction=".8" {mass}/>
+<body name="box" pos="0.5 {y} 0.15"><freejoint/><geom type="box" size=".033 .033 .03" friction=".8" {mass}/>
   <site name="tag_7" pos="0 0 .03" size=".02"/></body>
 </worldbody></mujoco>"""
 
@@ -48,21 +48,24 @@ def test_a_box_15_mm_off_its_place_is_seen_and_weighed(
     pytest.importorskip("cv2")
     monkeypatch.delenv("MUJOCO_GL")
     scene, world = tmp_path / "desk.xml", tmp_path / "world.xml"
-    scene.write_text(DESK.format(x=0.5, mass=""))
-    world.write_text(DESK.format(x=0.515, mass='mass=".3"'))
+    scene.write_text(DESK.format(y=0, mass=""))
+    # The fingers close along x: a box off along y is beneath one of them.
+    world.write_text(DESK.format(y=0.015, mass='mass=".3"'))
     run = ("run", scene, "--world", world, "-m", "box.mass", "--noise", "lab", "--fast")
     blind = palpate(*run, "--out", "blind")
     assert blind.status == 4, blind.out
+    stopped = json.loads(Path("blind/result.json").read_text())["execution"]["stopped_by"]
+    assert stopped.startswith("MovePose(box_pose): unexpected contact")
     done = palpate(*run, "--camera", "world:over", "--out", "out", "--json")
     assert done.status == 0, done.err
     (mass,) = json.loads(done.out)["parameters"]
     assert abs(mass["value"] - 0.3) < 3 * mass["std"]
     (row,) = (line for line in done.err.splitlines() if line.startswith("box "))
-    assert float(row.split()[1].strip(",")) == pytest.approx(0.515, abs=0.003)
+    assert float(row.split()[2].strip(",")) == pytest.approx(0.015, abs=0.003)
     kept = pp.load(scene, "out/poses.yaml").body("box")
     moved = pp.open("out").scene.body("box")
     assert moved.pose_world.distance_to(kept.pose_world) < 1e-9
-    assert moved.pose_world.position[0] == pytest.approx(0.515, abs=0.003)
+    assert moved.pose_world.position[1] == pytest.approx(0.015, abs=0.003)
     assert moved.accuracy == pytest.approx(kept.accuracy)
     assert "--poses poses.yaml" in Path("out/report.html").read_text()
 

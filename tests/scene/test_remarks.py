@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import pytest
 
 from palpate.common.errors import InputError
@@ -69,7 +71,8 @@ def test_objects_out_of_reach_are_remarked_with_advice() -> None:
         and '<site name="robot_base" pos="x y z"/>' in line
         for line in read(TABLE + far)
     )
-    (line,) = read('<site name="robot_base" pos="0 0 0.1"/>' + TABLE + far)
+    line, falls = read('<site name="robot_base" pos="0 0 0.1"/>' + TABLE + far)
+    assert falls.startswith("'ball' stands on nothing within 20 mm")
     assert "move the site 'robot_base'" in line
 
 
@@ -143,3 +146,104 @@ def test_the_mass_of_a_surface_needs_a_free_joint() -> None:
         named_parameters(["table.mass"], scene)
     plan = SymbolicPlanner().plan("how heavy is the table?", scene)
     assert "an object needs a body with a <freejoint/>" in plan.explanation
+
+
+BOX = """<body name="box" pos="0.5 0 {z}" {body}><freejoint/>
+<geom type="box" size=".02 .02 .02" mass="0.3" {geom}/></body>"""
+DESK = """<body name="desk" pos="0.5 0 0"><geom type="box" size=".3 .3 .2" {geom}/></body>"""
+DRAWER = """<body name="drawer" pos="0.5 0.6 0.4" {body}><joint name="slide" type="slide" range="0 .2"/>
+<geom type="box" size=".1 .1 .05" mass="1"/></body>"""
+
+
+def read_unusual(
+    before: str = "",
+    after: str = "",
+    box: str = "",
+    geom: str = "",
+    desk: str = "",
+    z: float = 0.22,
+) -> list[str]:
+    """Remarks on a scene of a box on a desk with unusual statements, without that on complete scenes."""
+    bodies = BOX.format(z=z, body=box, geom=geom) + DESK.format(geom=desk)
+    text = (
+        f'<mujoco>{before}<worldbody><site name="robot_base"/>{bodies}</worldbody>{after}</mujoco>'
+    )
+    return [one for one in remarks(parse_scene(text)) if "Nothing is missing" not in one]
+
+
+UNUSUAL: dict[str, tuple[dict[str, Any], str]] = {
+    "exclude": (
+        {"after": '<contact><exclude body1="desk" body2="box"/></contact>'},
+        "'box' and 'desk' pass through each other (<exclude>)",
+    ),
+    "masks": (
+        {"geom": 'contype="2"', "desk": 'contype="4" conaffinity="8"'},
+        "'box' and 'desk' pass through each other (their contype and conaffinity share no bit)",
+    ),
+    "contact": (
+        {"before": '<option><flag contact="disable"/></option>'},
+        "No run in this scene as a world, and none in its twin: the world's <option><flag> disables contact",
+    ),
+    "override": (
+        {"before": '<option o_margin=".01"><flag override="enable"/></option>'},
+        '<flag override="enable"/>: o_margin, o_solref, o_solimp and o_friction act',
+    ),
+    "boundmass": (
+        {"before": '<compiler boundmass="0.5"/>'},
+        "<compiler boundmass=\"0.5\"> raises smaller values, as of 'box'",
+    ),
+    "boundinertia": (
+        {"before": '<compiler boundinertia="0.01"/>'},
+        "<compiler boundinertia=\"0.01\"> raises smaller values, as of 'box'",
+    ),
+    "gravcomp": ({"box": 'gravcomp="1"'}, "of 'box' in the hand would not be its own: gravcomp"),
+    "moon": ({"before": '<option gravity="0 0 -1.62"/>'}, "<option gravity> is 1.62 m/s²"),
+    "negative friction": ({"geom": 'friction="-0.5"'}, "The friction of 'box' is -0.5"),
+    "large friction": ({"desk": 'friction="50"'}, "The friction of 'desk' is 50"),
+    "weld": (
+        {"after": '<equality><weld body1="box" body2="desk"/></equality>'},
+        "of 'box' in the hand would not be its own: it is tied to 'desk' (<equality>)",
+    ),
+    "floating": ({"z": 0.3}, "'box' stands on nothing within 20 mm"),
+}
+
+
+@pytest.mark.parametrize("case", UNUSUAL)
+def test_an_unusual_statement_is_remarked_in_one_line(case: str) -> None:
+    statement, line = UNUSUAL[case]
+    (found,) = read_unusual(**statement)
+    assert found.startswith(line) or line in found
+
+
+def test_a_pair_collides_in_spite_of_exclusion_and_bits() -> None:
+    pair = '<contact><pair geom1="a" geom2="b"/></contact>'
+    masks = 'contype="1" conaffinity="2" name='
+    assert (
+        read_unusual(geom=masks + '"a"', desk='contype="4" conaffinity="8" name="b"', after=pair)
+        == []
+    )
+    assert read_unusual() == []
+
+
+@pytest.mark.parametrize(
+    ("body", "after", "reason"),
+    [
+        ("", '<equality><joint joint1="slide"/></equality>', "an <equality> of its joint"),
+        ("", '<equality><weld body1="drawer"/></equality>', "an <equality> that ties it"),
+        ('gravcomp="1"', "", "gravcomp"),
+    ],
+)
+def test_what_holds_a_fixture_besides_its_joint_is_remarked(
+    body: str, after: str, reason: str
+) -> None:
+    lines = read('<site name="robot_base"/>' + DRAWER.format(body=body), after)
+    assert any(f"acts on 'drawer': {reason}" in line for line in lines)
+    assert not any("acts on" in line for line in read(DRAWER.format(body="")))
+
+
+def test_a_driven_drawer_is_no_robot_if_the_user_says_so() -> None:
+    motor = '<actuator><position joint="slide"/></actuator>'
+    text = f"<mujoco><worldbody>{DRAWER.format(body='')}</worldbody>{motor}</mujoco>"
+    assert any("keep it by --robot-body none" in line for line in remarks(parse_scene(text)))
+    kept = remarks(parse_scene(text, robot_body=["none"]))
+    assert any("More than its own joint acts on 'drawer': an <actuator>" in line for line in kept)

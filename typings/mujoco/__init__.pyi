@@ -295,6 +295,10 @@ class MjModel:
     pair_geom2: _Ints
     pair_friction: _Doubles
     pair_margin: _Doubles
+    exclude_signature: _Ints
+    body_gravcomp: _Doubles
+    actuator_trntype: _Ints
+    actuator_trnid: _Ints
     geom_rbound: _Doubles
     geom_dataid: _Ints
     geom_group: _Ints
@@ -434,16 +438,8 @@ class MjData:
 
 # Editable model
 
-class _SpecOption:
+class _SpecOption(MjOption):
     sleep_tolerance: float
-    timestep: float
-    gravity: _Doubles
-    integrator: int
-    cone: int
-    impratio: float
-    ccd_tolerance: float
-    disableflags: int
-    enableflags: int
 
 class _SpecElement:
     name: str

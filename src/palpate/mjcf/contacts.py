@@ -266,6 +266,8 @@ def hanging_force(body: BodyDescription) -> str:
     weight = mass_of(body) * float(np.linalg.norm(model.opt.gravity))
     if weight == 0.0:
         return "there is no gravity (<option gravity>)"
+    if model.body_gravcomp[model.body(body.name).id]:
+        return "gravcomp bears a part of its weight"
     data = mujoco.MjData(model)
     friction = float(model.dof_frictionloss[moved].max())
     # First at rest, standing and lifted, where springs pull. Then on the way up, where damping and joint
@@ -282,7 +284,7 @@ def hanging_force(body: BodyDescription) -> str:
         others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
         if np.linalg.norm(others) + resists > bound * weight:
             return (
-                "more than its weight acts on it while it is carried: gravcomp, a tendon, an actuator, "
+                "more than its weight acts on it while it is carried: a tendon, an actuator, "
                 "its own joint's stiffness, damping or friction, or a fluid"
             )
     # At LIFTING without rotation the bias force is gravity alone.

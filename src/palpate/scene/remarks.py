@@ -11,12 +11,16 @@ import numpy as np
 from palpate.common.errors import InputError
 from palpate.common.pose import Pose
 from palpate.mjcf.compile import BASE_SITE, removed_with_robots
+from palpate.mjcf.contacts import standing_contacts, tied_to
 from palpate.mjcf.document import Element, compiler_settings, has_unknown, label, tokens
 from palpate.mjcf.elements import copy_mark
+from palpate.mjcf.shapes import RESTING
+from palpate.robots.simulated.world import require_physics
 from palpate.scene.describe import AN_OBJECT
 from palpate.scene.places import reachable
 from palpate.scene.resolve import ResolvedScene
 from palpate.scene.scene import Scene
+from palpate.trace.samples import STANDARD_GRAVITY
 
 # m, least penetration of overlapping bodies. Stated poses have about this accuracy, and MuJoCo's
 # contacts at rest are less deep.
@@ -145,6 +149,11 @@ def _has_open_z(scene: ResolvedScene, name: str) -> bool:
 
 
 LISTED = 8  # Largest number of names in a sentence
+OTHER_GRAVITY = 0.01
+"""Relative difference from standard gravity that is remarked; on Earth it varies by 0.3 %."""
+LARGEST_FRICTION = 3.0
+"""Sliding friction of soft rubber on a rough surface."""
+
 SITE = f'<site name="{BASE_SITE}" pos="x y z"/>'  # Element that places the arm in a scene
 
 
@@ -155,6 +164,9 @@ def remarks(scene: Scene) -> tuple[str, ...]:
         _base,
         _others,
         _deviations,
+        _physics,
+        _unusual_contacts,
+        _driven_fixtures,
         _copies,
         _refusal_remarks,
         _contradictions,
@@ -175,6 +187,13 @@ def _robots(scene: Scene) -> Iterator[str]:
         f"Robot left out: {_names(map(_label, roles.robots))}; the {scene.arm.label} takes its place."
         f"{references}"
     )
+    # A drawer with a motor looks like a robot.
+    driven = [robot for robot in roles.robots if len(list(robot.iter("joint"))) == 1]
+    if driven:
+        yield (
+            f"An actuator drives the only joint of {_names(map(_label, driven))}: if it is furniture, keep it by "
+            "--robot-body none."
+        )
 
 
 def _base(scene: Scene) -> Iterator[str]:
@@ -242,6 +261,114 @@ def _deviations(scene: Scene) -> Iterator[str]:
             "Placed a little above what they stand on, and let down onto it: "
             f"{_names(map(_quote, description.lowered))}."
         )
+
+
+def _physics(scene: Scene) -> Iterator[str]:
+    """Yield remarks on options that change gravity, contacts or masses."""
+    model, settings = scene.resolved.shapes.model, compiler_settings(scene.resolved.document.root)
+    try:
+        require_physics(model.opt)
+    except InputError as error:
+        yield f"No run in this scene as a world, and none in its twin: {error}."
+    pull = float(np.linalg.norm(model.opt.gravity))
+    if pull > 0.0 and abs(pull / STANDARD_GRAVITY - 1.0) > OTHER_GRAVITY:
+        yield (
+            f"<option gravity> is {pull:.4g} m/s², not {STANDARD_GRAVITY:.4g}: every mass is a weight "
+            "divided by it, on a real arm as well."
+        )
+    if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        yield (
+            '<flag override="enable"/>: o_margin, o_solref, o_solimp and o_friction act in every contact. '
+            "Friction and stiffness of a body have no effect, are not measured alone, and cannot be stated."
+        )
+    # Bodies whose mass or inertia the compiler raised to the bound.
+    for setting, values in (("boundmass", model.body_mass), ("boundinertia", model.body_inertia)):
+        bound = float(settings.get(setting, 0.0))
+        raised = np.isclose(np.reshape(values, (model.nbody, -1)).min(axis=1), bound, rtol=1e-9)
+        names = [f"'{model.body(i).name}'" for i in np.flatnonzero(raised[1:] & (bound > 0.0)) + 1]
+        if bound > 0.0:
+            yield (
+                f'<compiler {setting}="{bound:g}"> raises smaller values'
+                f"{f', as of {_names(names)}' * bool(names)}: the raised ones act and are measured, and a "
+                "smaller one cannot be stated."
+            )
+
+
+def _unusual_contacts(scene: Scene) -> Iterator[str]:
+    """Yield remarks on objects that pass through others or fall, and on impossible friction."""
+    shapes, bodies = scene.resolved.shapes, scene.resolved.description.bodies
+    model = shapes.model
+    placed = {name: replace(body, shapes=shapes) for name, body in bodies.items()}
+    ids = {
+        name: [shapes.geom_ids[geom] for geom in body.elements.colliding]
+        for name, body in placed.items()
+    }
+    excluded = {frozenset(divmod(int(pair), 1 << 16)) for pair in model.exclude_signature}
+    ends = np.column_stack([model.pair_geom1, model.pair_geom2])
+    pairs = {frozenset(pair) for pair in ends.tolist()}
+    loose: set[str] = set()
+    # MuJoCo lets two geoms collide by a <pair>, or else by their bits unless their bodies are excluded.
+    for one, other in (
+        (a, b) for a in scene.objects for b in ids if a < b or b not in scene.objects
+    ):
+        touching = [frozenset((a, b)) for a in ids[one] for b in ids[other]]
+        if not pairs.isdisjoint(touching):
+            continue
+        types, affinities = model.geom_contype, model.geom_conaffinity
+        matching = [
+            (a, b)
+            for a in ids[one]
+            for b in ids[other]
+            if types[a] & affinities[b] or types[b] & affinities[a]
+        ]
+        by_body = {
+            frozenset((int(model.geom_bodyid[a]), int(model.geom_bodyid[b]))) for a, b in matching
+        }
+        if by_body - excluded:
+            continue
+        loose |= {one, other}
+        why = "<exclude>" if matching else "their contype and conaffinity share no bit"
+        yield (
+            f"'{one}' and '{other}' pass through each other ({why}): one does not carry the other, and no "
+            "contact between them is measured."
+        )
+    flags = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
+    collides = not any(model.opt.disableflags & int(flag) for flag in flags)
+    for name in [name for name in scene.objects if collides and name not in loose]:
+        if not tied_to(placed[name]) and not standing_contacts(placed[name]):
+            yield (
+                f"'{name}' stands on nothing within {1e3 * RESTING:.0f} mm: it falls when a simulation begins, and "
+                "is not where a plan goes. Correct its pos."
+            )
+    for name, geoms in ids.items():
+        for sliding in {float(model.geom_friction[geom, 0]) for geom in geoms}:
+            if not 0.0 <= sliding <= LARGEST_FRICTION:
+                yield (
+                    f"The friction of '{name}' is {sliding:g}, and materials have 0 to {LARGEST_FRICTION:g}. "
+                    "MuJoCo lets the larger one of a contact act."
+                )
+
+
+def _driven_fixtures(scene: Scene) -> Iterator[str]:
+    """Yield remarks on fixtures that something else than their own joint holds or moves."""
+    shapes = scene.resolved.shapes
+    model = shapes.model
+    for name, body in scene.resolved.description.bodies.items():
+        if body.role != "fixture":
+            continue
+        joint, moved = int(model.body(name).jntadr[0]), replace(body, shapes=shapes)
+        ties = (model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)) & model.eq_active0
+        ties &= (model.eq_obj1id == joint) | (model.eq_obj2id == joint)
+        drives = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
+        reasons = ["an <equality> of its joint"] * bool(ties.any())
+        reasons += ["an <equality> that ties it to a body"] * bool(tied_to(moved))
+        reasons += ["an <actuator>"] * bool((drives & (model.actuator_trnid[:, 0] == joint)).any())
+        reasons += ["gravcomp"] * bool(model.body_gravcomp[model.body(name).id])
+        if reasons:
+            yield (
+                f"More than its own joint acts on '{name}': {', '.join(reasons)}. What is measured of its "
+                "friction, damping and spring contains that."
+            )
 
 
 def _copies(scene: Scene) -> Iterator[str]:

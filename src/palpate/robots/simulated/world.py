@@ -359,7 +359,7 @@ def compile_world(
         InputError: it does not compile, or lacks physics that weighing and touching need.
     """
     # Build the true robot: exclude contact of neighbouring links, add the hand's drive, round the fingers.
-    require_physics(spec)
+    require_physics(spec.option)
     robot = arm.spec()
     for pair in sorted(map(sorted, neighbours(robot, arm))):
         robot.add_exclude(bodyname1=pair[0], bodyname2=pair[1])
@@ -440,16 +440,16 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     )
 
 
-def require_physics(spec: mujoco.MjSpec) -> None:
+def require_physics(option: mujoco.MjOption) -> None:
     """Require gravity that points down, and the features of MuJoCo that a robot needs."""
-    x, y, z = spec.option.gravity
+    x, y, z = option.gravity
     if z >= 0 or max(abs(x), abs(y)) > -LEVEL * z:
         raise InputError(
             f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
             '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
         )
     bits = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in NEEDED}
-    disabled = [name for name, bit in bits.items() if spec.option.disableflags & bit]
+    disabled = [name for name, bit in bits.items() if option.disableflags & bit]
     if disabled:
         raise InputError(
             f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
