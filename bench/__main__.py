@@ -107,6 +107,17 @@ def faults(
 
 
 @command(app)
+def requests() -> None:
+    """Readings of requests in five languages, by file and language."""
+    from bench.requests import FOLDER, judge
+
+    for file in sorted(path.name for path in FOLDER.glob("*.yaml")):
+        for language, counts in judge(file).items():
+            figures = ", ".join(f"{kind} {count}" for kind, count in sorted(counts.items()))
+            typer.echo(f"{file} {language}: {figures}")
+
+
+@command(app)
 def noise(
     recordings: Annotated[
         list[Path], typer.Argument(metavar="LOG.npz...", help="Recordings of real arms.")

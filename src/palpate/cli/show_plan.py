@@ -70,9 +70,13 @@ def understood(plan: Plan) -> str:
 def show_proposal(run: Run) -> None:
     """Print the proposal of a rejected plan, if any, and the command that accepts it."""
     if run.plan.proposal:
-        # The accepted command has the parameters instead of the request.
+        from palpate.runs.answer import asks_for_answer
+
+        # The accepted command has the parameters instead of the request. A question keeps it, because
+        # its answer needs it.
         out.prose(f"\n{escape(understood(run.plan))}")
-        accepted = run.settings.having(request=None, measure=run.plan.proposal)
+        request = run.settings.request if asks_for_answer(run) else None
+        accepted = run.settings.having(request=request, measure=run.plan.proposal)
         show_next("measure that", running(accepted))
 
 

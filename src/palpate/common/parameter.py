@@ -93,6 +93,7 @@ class PlanRejected(PalpateError):
         proposal: parameters that the request may ask for, if some of its words were not understood;
             to be confirmed before use.
         not_used: those words.
+        within: half widths of intervals that the request states, by quantity, as `1 g`.
     """
 
     def __init__(
@@ -100,6 +101,7 @@ class PlanRejected(PalpateError):
         explanation: str,
         proposal: tuple[Parameter, ...] = (),
         not_used: tuple[str, ...] = (),
+        within: tuple[tuple[str, str], ...] = (),
     ) -> None:
         super().__init__(explanation)
-        self.proposal, self.not_used = proposal, not_used
+        self.proposal, self.not_used, self.within = proposal, not_used, within

@@ -7,45 +7,26 @@ than 400 g?" and "what do they weigh together?".
 from __future__ import annotations
 
 import math
-import re
-from collections.abc import Collection, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
+from palpate.common.parameter import PlanRejected
 from palpate.estimation.estimate import Estimate, interval95, round_to_std
 from palpate.estimation.fusion import Source, weighted_sum
 from palpate.estimation.quantities.within import parse_width
-from palpate.planning.request.words import english, in_english, spoken
+from palpate.planning.request.grounding import parse
+from palpate.planning.request.words import amount as amount_of
 
 if TYPE_CHECKING:
     from palpate.runs.run import Run
 
 
-# Comparing words that ask for the smaller value.
-LESS: Collection[str] = (
-    *("lighter", "lightest", "lower", "lowest", "smaller", "smallest", "narrower", "thinner"),
-    *("thinnest", "softer", "softest", "springier", "slipperier", "slipperiest", "less", "least"),
-)
-UNNAMED = ("more", "most", "less", "least")  # Comparing words that name no quantity
-# Words that make a question with one of `UNNAMED` a comparison.
-CHOOSING = frozenset({"than", "which", "who", "what"})
-# Words that ask for a sum.
-TOGETHER = frozenset({"together", "total", "altogether", "combined", "sum"})
-BELOW = ("under", "below", "most")
-NEGATIONS = frozenset({"not", "no", "never"})
 # First words of a question that is answered by yes or no.
-ASKING = ("is", "are", "does", "do", "was", "were", "will", "would")
+ASKING = ("is", "are", "does", "do", "ist", "sind", "wiegt", "est", "è", "pesa")
 CERTAIN = 1e-6  # Smallest probability that is printed as a number
 UNCERTAIN = 0.05  # Probability of the opposite order above which a comparison stays open
-# Units as they are spelt in lower case, and in the plural with an s.
-SPELT = {"gram": "g", "kilo": "kg", "kilogram": "kg", "n/m": "N/m", "n/mm": "kN/m"}
-NUMBERS = {"half a": "0.5", "a": "1", "one": "1"}
-_BOUND = re.compile(
-    r"\b(?P<than>than|least|most|above|over|under|below|exceeds?) "
-    rf"(?P<number>\d+(?:[.,]\d+)?|{'|'.join(NUMBERS)}) ?(?P<unit>n ?/ ?mm?|[a-z]+?)s?\b"
-)
-_ALIKE = re.compile(r"\b(?:equally|as (?!well |soon )\w+ as)\b")
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,20 +49,13 @@ def answer(run: Run) -> str | None:
     The answer uses estimates that are identified or at a physical bound. Values that the scene
     states count as exact.
     """
-    request = run.settings.request or ""
-    names = frozenset(word for name in run.scene.bodies for word in _words(name))
     # Find the words that ask for a comparison, a sum or a bound.
-    text = in_english(request, names, spoken(request))
-    asked, compared, numbers = _words(text), english().compared, english().labels["numbers"]
-    bound = _BOUND.search(re.sub("[a-z]+", lambda word: numbers.get(word[0], word[0]), text))
-    unnamed = () if CHOOSING.isdisjoint(asked) else UNNAMED
-    word = next((word for word in asked if word in compared or word in unnamed), "")
-    together = not TOGETHER.isdisjoint(asked)
-    if not (word or bound or together or _ALIKE.search(text)):
+    asked = _comparison(run)
+    if asked is None:
         return None
     # Determine the compared quantity and its estimates.
     measured = {estimate.parameter.quantity for estimate in run.estimates}
-    quantity = compared.get(word) or (measured.pop() if len(measured) == 1 else "mass")
+    quantity = asked.quantity or (measured.pop() if len(measured) == 1 else "mass")
     estimates = [each for each in run.estimates if each.parameter.quantity == quantity]
     if not estimates:
         return None
@@ -92,47 +66,120 @@ def answer(run: Run) -> str | None:
     sides += _stated_objects(run, quantity, asked)
     unit = f" {estimates[0].unit}" * (estimates[0].unit != "1")
     # Add up: a sum alone is the answer, with its interval.
-    if together:
+    if asked.together:
         sides = _sum_sides(sides, asked)
-        if len(sides) == 1 and bound is None:
+        if len(sides) == 1 and asked.bound is None:
             std = _std(sides[0])
             ends = interval95(sides[0].value, std)[0].tolist()
             interval = ", ".join(round_to_std(end, std)[0] for end in ends)
             return f"together: {sides[0]}{unit}, 95 % [{interval}]"
     # Compare each side with the amount in the request.
-    if bound is not None:
-        number = NUMBERS.get(bound["number"], bound["number"]).replace(",", ".")
-        named = bound["unit"].replace(" ", "")
+    if asked.bound is not None:
         try:
-            amount = _Side("", parse_width(quantity, f"{number} {SPELT.get(named, named)}"))
+            amount = _Side("", parse_width(quantity, asked.bound))
         except InputError as error:
             return f"open: {error}"
-        less = word in LESS if bound["than"] == "than" else bound["than"] in BELOW
-        # A negated question gets no yes or no.
-        has_subject, said = NEGATIONS.isdisjoint(asked), list[str]()
-        for side in sides:
-            first, second = sorted((side, amount), key=lambda each: each.value, reverse=not less)
-            said.append(_word_answer(first, second, side.name if has_subject else None, unit))
-        return "; ".join(said)
+        return "; ".join(_against(side, amount, asked, unit) for side in sides)
     if len(sides) < 2:
         return (
             f"open: no other {quantity} was measured than that of {estimates[0].parameter.object}"
         )
     # Compare the extreme side with the next one.
-    sides.sort(key=lambda each: each.value, reverse=word not in LESS)
-    if word:
+    sides.sort(key=lambda each: each.value, reverse=not asked.less)
+    if asked.orders:
         return _word_answer(sides[0], sides[1], _subject(sides, asked), unit)
     # Equality of two values cannot be shown: they differ, or the question stays open.
     return _word_answer(sides[0], sides[-1], "", unit, tails=2)
 
 
-def _sum_sides(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
+def asks_for_answer(run: Run) -> bool:
+    """True for a request that compares or adds up."""
+    return _comparison(run) is not None
+
+
+@dataclass(frozen=True, slots=True)
+class _Comparison:
+    """Words of a request that compare or add up."""
+
+    quantity: str | None  # the compared one; None if the words name none
+    orders: bool  # it asks for an order, not for equality
+    less: bool  # it asks for the smaller value, or for a value below the bound
+    together: bool  # it asks for a sum
+    bound: str | None  # amount of the request, as `0.5 kg`
+    negated: bool
+    asks: bool  # a question that is answered by yes or no
+    places: Mapping[str, int]  # position of each named object among the words
+    than: int  # position of "than"
+
+
+def _comparison(run: Run) -> _Comparison | None:
+    """Return the comparison that a request asks for; None without one."""
+    try:
+        _, sentences = parse(run.settings.request or "-", run.scene)
+    except PlanRejected:
+        return None
+    spots = [spot for sentence in sentences for spot in sentence.spots]
+    words = [word for sentence in sentences for word in sentence.words]
+
+    def first(*names: str) -> int | None:
+        return next((at for at, spot in enumerate(spots) if spot.has(*names)), None)
+
+    # An amount is a bound if a word of comparison stands before it.
+    amounts = [at for at, spot in enumerate(spots) if spot.has("AMOUNT")]
+    limits = [
+        at
+        for at in amounts
+        if any(o.has("THAN", "ABOVE", "BELOW") for o in spots[max(0, at - 2) : at])
+    ]
+    bound = spots[limits[0]].classes["AMOUNT"].replace("~", " ") if limits else None
+    than = first("THAN", "ABOVE", "BELOW")
+    # A word without a quantity compares only with "than" or "which".
+    choosing = than is not None or first("WHICH") is not None
+    comparative = first("C")
+    plain = first("MORE") if choosing else None
+    equal = first("EQUAL") is not None or sum(spot.has("THAN") for spot in spots) > 1
+    together = first("TOGETHER") is not None
+    orders = comparative is not None or (plain is not None and not equal)
+    if not (orders or bound or together or (equal and first("A", "N", "W") is not None)):
+        return None
+    # "Less" and "at most" turn the order.
+    less = first("LESS") is not None
+    if limits and any(o.has("ABOVE", "BELOW") for o in spots[max(0, limits[0] - 2) : limits[0]]):
+        less = any(o.has("BELOW") for o in spots[max(0, limits[0] - 2) : limits[0]])
+    names = [n for n in ("C", "N", "A", "W") for spot in spots if spot.classes.get(n)]
+    named = next((spot.classes[names[0]] for spot in spots if names and spot.has(names[0])), None)
+    places = {
+        name: at
+        for at, spot in reversed(list(enumerate(spots)))
+        if spot.thing is not None
+        and (len(spot.thing.names) == 1 or spot.thing.plural)
+        and spot.thing.names != tuple(run.scene.objects)
+        for name in spot.thing.names
+    }
+    return _Comparison(
+        quantity=spots[comparative].classes["C"] if comparative is not None else named,
+        orders=orders,
+        less=less,
+        together=together,
+        bound=amount_of(bound) if bound else None,
+        negated=first("NOT") is not None,
+        asks=bool(words) and words[0] in ASKING,
+        places=places,
+        than=len(spots) if than is None else than,
+    )
+
+
+def _against(side: _Side, amount: _Side, asked: _Comparison, unit: str) -> str:
+    """Compare a side with an amount; a negated question gets no yes or no."""
+    first, second = sorted((side, amount), key=lambda each: each.value, reverse=not asked.less)
+    return _word_answer(first, second, None if asked.negated else side.name, unit)
+
+
+def _sum_sides(sides: Sequence[_Side], asked: _Comparison) -> list[_Side]:
     """Sum the sides before "than" and those after it."""
-    # Sides after "than" belong to the second sum.
-    than = asked.index("than") if "than" in asked else len(asked)
     sums: dict[bool, _Side] = {}
     for side in sides:
-        is_behind = (_place(side.name, asked) or 0) > than
+        is_behind = asked.places.get(side.name, 0) > asked.than
         before = sums.get(is_behind)
         if before is not None:
             name, parts = f"{before.name} and {side.name}", before.estimates + side.estimates
@@ -144,7 +191,9 @@ def _sum_sides(sides: Sequence[_Side], asked: Sequence[str]) -> list[_Side]:
 def _word_answer(
     first: _Side, second: _Side, subject: str | None, unit: str, tails: int = 1
 ) -> str:
-    """Word the order of two sides. With a `subject`, the answer is yes if it is the first side, else no."""
+    """Word the order of two sides. With a `subject`, the answer is yes if it is the first side,
+    else no.
+    """
     figures = f"{first} against {second}{unit}"
     # Beyond the threshold the order stays open.
     chance = tails * _chance(first, second)
@@ -156,48 +205,35 @@ def _word_answer(
     return f"{'yes' if subject == first.name else 'no'}: {certain}"
 
 
-def _stated_objects(run: Run, quantity: str, asked: Sequence[str]) -> list[_Side]:
+def _stated_objects(run: Run, quantity: str, asked: _Comparison) -> list[_Side]:
     """Objects named in the request whose value the scene states."""
     # Measured values take precedence over stated ones.
     measured = {estimate.parameter.object for estimate in run.estimates}
     found: list[_Side] = []
     for name, body in run.scene.bodies.items():
         known = body.known.get(quantity)
-        if known is not None and name not in measured and _place(name, asked) is not None:
+        if known is not None and name not in measured and name in asked.places:
             found.append(_Side(name, known[0]))
     return found
 
 
-def _subject(compared: Sequence[_Side], asked: Sequence[str]) -> str | None:
+def _subject(compared: Sequence[_Side], asked: _Comparison) -> str | None:
     """Find the object before "than" in a question about two objects.
 
-    None in other requests, and if the names are incomplete there, which leaves the sides uncertain.
+    None in other requests, and if the objects are not named, which leaves the sides uncertain.
     """
-    # The subject is the only side before "than".
-    places = {each.name: _place(each.name.split(" and ")[0], asked) for each in compared}
-    than = asked.index("than") if "than" in asked and asked[0] in ASKING else None
-    if than is None or len(compared) > 2:
+    if not asked.asks or len(compared) > 2:
         return None
-    before = [name for name, place in places.items() if place is not None and place < than]
-    after = [name for name, place in places.items() if place is not None and place > than]
+    places = {each.name: asked.places.get(each.name.split(" and ")[0]) for each in compared}
+    before = [name for name, place in places.items() if place is not None and place < asked.than]
+    after = [name for name, place in places.items() if place is not None and place > asked.than]
     return before[0] if len(before) == len(after) == 1 else None
 
 
-def _place(name: str, asked: Sequence[str]) -> int | None:
-    """Index of an object's full name among the words of the request, or None."""
-    parts = _words(name)
-    for i in range(len(asked) - len(parts) + 1):
-        if parts and list(asked[i : i + len(parts)]) == parts:
-            return i
-    return None
-
-
-def _words(text: str) -> list[str]:
-    return re.findall(r"[a-z0-9]+", text.lower())
-
-
 def _std(first: _Side, second: _Side | None = None) -> float:
-    """Standard deviation of the first side, or of its difference from the second. Errors that both share cancel."""
+    """Standard deviation of the first side, or of its difference from the second. Errors that both
+    share cancel.
+    """
     # Variance of a weighted sum with weights +1 and -1.
     plus, minus = first.estimates, second.estimates if second is not None else ()
     if not (plus or minus):

@@ -18,6 +18,7 @@ from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Plan, UnmeasuredParameters
 from palpate.planning.planner import Observant, Planner, PlannerSettings, in_words, named_parameters
 from palpate.planning.registry import OWN, planners
+from palpate.planning.request.grounding import stated_widths
 from palpate.planning.symbolic.planner import requested_parameters, split_known
 from palpate.primitives.rules.collision_geometry import require_room
 from palpate.runs.callbacks import SILENT, RunCallbacks
@@ -56,6 +57,8 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     that a model detected in the picture.
     """
     if scene is not None:
+        if settings.request is not None and not settings.within:
+            settings = settings.having(within=stated_widths(settings.request, scene))
         settings.within.check(scene.bodies)
         require_room(scene)
 

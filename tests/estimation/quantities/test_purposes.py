@@ -4,7 +4,7 @@ import pytest
 
 from palpate.estimation.quantities.catalogue import PURPOSES, catalogue, quantities_by_verb
 from palpate.planning.model.prompt import filled_module, system_prompt
-from palpate.planning.request.words import english
+from palpate.planning.request.words import languages
 from palpate.primitives.registry import vocabulary
 
 
@@ -30,5 +30,8 @@ def test_the_common_purposes_are_in_the_prompts(verb: str) -> None:
         assert any(verb in str(p) and str(p) in text for p in PURPOSES)
 
 
-def test_requests_have_the_table_of_the_catalogue() -> None:
-    assert english().purposes == quantities_by_verb()
+def test_actions_of_requests_have_a_purpose() -> None:
+    entries = [each for one in languages().values() for row in one.entries.values() for each in row]
+    verbs = {entry.value for entry in entries if entry.name == "DEED" and entry.value}
+    assert verbs <= quantities_by_verb().keys()
+    assert len(verbs) > 5

@@ -1,8 +1,8 @@
 """Requests as people write them, in many scenes: what each asks for, or that it is refused.
 
 A reading is *sure* (accepted without a question), a *proposal* (shown and confirmed), or a refusal. The
-corpus has seven files from several authors, four of whom had not seen the grammar; `fresh.txt` is a sample
-that nothing was changed for.
+corpus has eight files from several authors. Requests that the reader was never tuned on stand in
+`bench/requests`.
 """
 
 from __future__ import annotations
@@ -50,51 +50,52 @@ def read(line: Line) -> tuple[str, frozenset[str]]:
     return how, frozenset(str(parameter) for parameter in found)
 
 
-LEAST = {
-    "before.txt": 0.96,
-    "after.txt": 0.92,
-    "later.txt": 0.87,
-    "everyday.txt": 0.96,
-    "polite.txt": 0.2,
-    "tricky.txt": 0.39,
-    "ordinary.txt": 0.82,
-    "fresh.txt": 0.51,
-}
-"""Share of the measurable requests of each file that is read surely."""
-RECALL = 0.92
+FILES = (
+    "before.txt",
+    "after.txt",
+    "later.txt",
+    "everyday.txt",
+    "polite.txt",
+    "tricky.txt",
+    "ordinary.txt",
+    "fresh.txt",
+)
+RECALL = 0.95
 """Least share of the measurable requests that is read surely, or proposed, and right."""
-FRESH = "fresh.txt"
-"""Requests that came after the grammar and were never used to change it; not part of `RECALL`."""
-FRESH_RECALL = 0.8
+WRONG = 0.025
+"""Largest share of wrong proposals."""
+SURE = 0.45
+"""Least share of the measurable requests that is read surely."""
 
 
 @lru_cache
-def readings(file: str) -> tuple[tuple[Line, str, frozenset[str]], ...]:
-    return tuple((line, *read(line)) for line in lines(file))
+def readings() -> tuple[tuple[Line, str, frozenset[str]], ...]:
+    return tuple((line, *read(line)) for file in FILES for line in lines(file))
 
 
-@pytest.mark.parametrize("file", LEAST)
-def test_a_sure_reading_is_right(file: str):
-    sure = [(line, found) for line, how, found in readings(file) if how == "sure" and found]
-    wrong = [f"{line.request} -> {sorted(found)}" for line, found in sure if found != line.asked]
+def test_a_sure_reading_is_right():
+    wrong = [
+        f"{line.request} -> {sorted(found)}"
+        for line, how, found in readings()
+        if how == "sure" and found and found != line.asked
+    ]
     assert not wrong, "\n".join(wrong)
-    measurable = sum(bool(line.asked) for line in lines(file))
-    assert len(sure) >= LEAST[file] * measurable
-
-
-def share_of_right(*files: str) -> float:
-    """Share of the measurable requests that are read surely, or proposed, and right."""
-    measurable = [one for file in files for one in readings(file) if one[0].asked]
-    return sum(found == line.asked for line, _, found in measurable) / len(measurable)
 
 
 def test_a_measurable_request_is_read_or_proposed():
-    assert share_of_right(*(file for file in LEAST if file != FRESH)) >= RECALL
-    assert share_of_right(FRESH) >= FRESH_RECALL
+    measurable = [one for one in readings() if one[0].asked]
+    right = [how for line, how, found in measurable if found == line.asked]
+    assert len(right) >= RECALL * len(measurable)
+    assert right.count("sure") >= SURE * len(measurable)
+
+
+def test_proposals_are_seldom_wrong():
+    wrong = [line for line, how, found in readings() if how == "proposal" and found != line.asked]
+    assert len(wrong) <= WRONG * len(readings())
 
 
 def test_the_corpus_is_large_and_of_many_kinds():
-    everything = [line for file in LEAST for line in lines(file)]
+    everything = [line for file in FILES for line in lines(file)]
     assert len(everything) >= 400
     assert len({line.scene for line in everything}) >= 10
     assert len({line.kind for line in everything}) >= 14

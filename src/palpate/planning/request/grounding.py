@@ -1,63 +1,58 @@
 """Grounding of a request: from its words to parameters of a scene.
 
-A reading is *sure* if every word of every sentence belongs to a clause of the grammar
-(`words/grammar.txt`) or to its frame. A background sentence is set aside as a whole
-(`Lattice.is_background`). With words left over, the reading is a *proposal* if it names parameters;
-the user confirms it. Otherwise the request is rejected. A request with two readings for different
-parameters is rejected too.
+A request in English is *sure* if every word belongs to one of the forms in `SURE`: quantities of
+objects, comparisons, exceptions and what is missing. Any other request that names a known quantity
+or object is a *proposal*, in one of five languages. The user confirms it, and sees the words that
+were not used. Without a known quantity or object, the request is rejected.
 
-1. Words: phrases of other languages are translated in place, misspelt words are corrected
-   (`words`).
-2. Lattice: the classes of each word (`sentence`): noun of the scene, quantity, relation, …
-3. Cover of each sentence by the cheapest clauses (`grammar`, `sentence`).
-4. Queries (`query`): a quantity of selected bodies, wanted or excluded, clause by clause
-   (`reading`).
-5. Selectors resolved to bodies of the scene (`selection`, `whereabouts`).
+1. Tokens, and the language with the most known words (`words`).
+2. Spots of each sentence: quantities, bodies, words of scope (`spots`, `nouns`, `whereabouts`).
+3. Fragments that want, exclude or correct; quantities paired with bodies (`reading`).
+4. Parameters of the scene (`resolver`).
 
-A quantity without a body applies to the last mentioned body that can have it ("The bottle is new. I
-need its mass."), else to all bodies that miss it. A comparison requests the quantity of everything
-compared. A purpose ("to simulate pushing the mug") requests the missing parameters that it depends
-on. A body alone requests all its missing parameters. The last two are stated in a remark.
+A quantity without a body applies to the last mentioned body that can have it. A comparison asks for
+the quantity of everything compared. A purpose ("to simulate pushing the mug") asks for the
+parameters that it depends on. A body alone asks for all its missing parameters.
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import suppress
-from dataclasses import replace
-from itertools import islice, product
+from dataclasses import dataclass
 
 from palpate.common.errors import InputError
-from palpate.common.parameter import Parameter, PlanRejected
+from palpate.common.parameter import PlanRejected
+from palpate.estimation.quantities.within import Within, parse_width
 from palpate.planning.planner import MAX_REQUEST
-from palpate.planning.request.query import Act, Aside, Grounded
+from palpate.planning.request.nouns import Nouns
+from palpate.planning.request.query import Grounded
 from palpate.planning.request.reading import Reading
 from palpate.planning.request.resolver import HINT, Resolver
-from palpate.planning.request.selection import Selection
-from palpate.planning.request.sentence import (
-    Clause,
-    Cover,
-    Lattice,
-    Sentence,
-    cover_sentence,
-    deeds,
-)
-from palpate.planning.request.words import (
-    colours,
-    english,
-    in_english,
-    lemmas,
-    sentences,
-    spoken,
-    tokens,
-)
+from palpate.planning.request.spots import Spot, Spotter, Thing
+from palpate.planning.request.words import amount, spoken, tokens
 from palpate.scene.scene import Scene
 
 LONGEST = 60
 """Maximum number of words in a sentence."""
-MOST = 24
-"""Maximum number of examined readings of a request; one with more is rejected."""
+
+
+@dataclass(frozen=True, slots=True)
+class Sentence:
+    """Sentence of a request: its words, their spots, and True for a question."""
+
+    words: list[str]
+    spots: list[Spot]
+    question: bool
+
+    def has(self, *names: str) -> bool:
+        """True if one of the words has one of these classes."""
+        return any(spot.has(*names) for spot in self.spots)
+
+    def text(self, spot: Spot) -> str:
+        """Return the words of a spot."""
+        return " ".join(self.words[spot.start : spot.end])
 
 
 def ground(request: str, scene: Scene) -> Grounded:
@@ -66,8 +61,8 @@ def ground(request: str, scene: Scene) -> Grounded:
     Raises:
         InputError: the request is empty or too long, or names an unknown object. The message lists
             the known ones.
-        PlanRejected: the request is ambiguous or not understood. The message states the words and
-            an alternative; `proposal` has the candidate parameters.
+        PlanRejected: the request is not sure. The message states the reason; `proposal` has the
+            parameters that it may mean, and `not_used` the words that were not used.
     """
     if not request.strip():
         raise InputError("the request is empty; say what is unknown, e.g. 'the mass of the bottle'")
@@ -75,160 +70,338 @@ def ground(request: str, scene: Scene) -> Grounded:
         raise InputError(
             f"the request has {len(request)} characters; say it in at most {MAX_REQUEST}"
         )
-    # Translate to English, correct misspelt words, and split into sentences.
-    language = spoken(request)
-    lattice = Lattice(scene, colours(language))
-    said = tokens(in_english(lattice.nouns.apart(request), lattice.nouns.names, language))
-    slips = lattice.slips(said)
-    dropped = english().sets["dropped"] - lattice.nouns.names
-    words = [slips.get(word, word) for word in said if word not in dropped]
-    parts = _sentences(request, list(sentences(words)), lattice)
-    # Ground every reading; all must agree. On failure, offer a proposal.
-    try:
-        acts = _readings(parts, request, lattice, Resolver(scene))
-        found = _agreed([_ground_acts(one, scene, lattice, request, parts) for one in acts])
-    except PlanRejected as rejection:
-        parameters, not_used = _propose(parts, scene, lattice)
-        if not parameters:
-            raise
-        reason = str(rejection).partition(HINT)[0]
-        raise PlanRejected(reason, parameters, not_used) from None
-    remarks = [f"'{word}' is read as '{meant}'." for word, meant in slips.items()]
-    return replace(found, remarks=(*remarks, *found.remarks))
-
-
-def _sentences(request: str, parts: Sequence[Sequence[str]], lattice: Lattice) -> list[Sentence]:
-    """Cover each sentence by clauses."""
-    # Pair each sentence with its original text, if the counts agree.
-    own = [part.strip() for part in re.split(r"(?<=[.;?!])\s+", request) if part.strip()]
-    own = own if len(own) == len(parts) else [request] * len(parts)
-    longest = max(map(len, parts), default=0)
-    if longest > LONGEST:
-        raise PlanRejected(
-            f"a sentence of the request has {longest} words; say it in sentences of at most {LONGEST}"
-        )
-    return [
-        cover_sentence(words, written, lattice) for words, written in zip(parts, own, strict=True)
-    ]
-
-
-def _readings(
-    parts: Sequence[Sentence], request: str, lattice: Lattice, resolver: Resolver
-) -> list[list[Act]]:
-    """Return all combinations of one reading per sentence.
-
-    Raises:
-        PlanRejected: a word belongs to no clause, or there are too many combinations.
-    """
-    for part in parts:
-        if part.covers and part.covers[0].unsure:
-            # Explain the failure: a quantity that nothing measures, an unknown word, or a leftover
-            # word.
-            unfelt = lattice.unfelt(part.words)
-            if unfelt is not None:
-                raise PlanRejected(resolver.not_measurable(unfelt))
-            left = [part.words[at] for at in part.covers[0].left]
-            unknown = [word for word in part.words if lattice.is_unknown(word)]
-            raise resolver.not_understood(unknown or left, part.own)
-    # Limit the number of combinations, which grows exponentially.
-    choices = list(islice(product(*(part.readings for part in parts)), MOST + 1))
-    if len(choices) > MOST:
-        raise PlanRejected("the request can be read in too many ways; say it in short sentences")
-    chosen = [[act for acts in choice for act in acts] for choice in choices]
-    if all(isinstance(act, Aside) for acts in chosen for act in acts):
-        resolver.reject(request)
-    return chosen
-
-
-def _agreed(found: Sequence[Grounded]) -> Grounded:
-    """Return the common meaning of all readings.
-
-    Raises:
-        PlanRejected: two readings ask for different parameters.
-    """
-    first = found[0]
-    for other in found:
-        if set(other.asked) != set(first.asked):
-            raise PlanRejected(
-                f"the request may mean {_list_parameters(first.asked)} or {_list_parameters(other.asked)}; say it in "
-                "two sentences"
-            )
-    return first
-
-
-def _ground_acts(
-    acts: Sequence[Act], scene: Scene, lattice: Lattice, request: str, parts: Sequence[Sentence]
-) -> Grounded:
-    """Return the parameters of one reading."""
-    resolver = Resolver(scene)
-    bare = all(part.bare for part in parts)
-    reading = Reading(resolver, Selection(scene, lattice.nouns), bare)
-    for act in acts:
-        reading.take(act)
+    spotter, sentences = parse(request, scene)
+    resolver = Resolver(scene, request)
+    _refuse(sentences, resolver)
+    reading = Reading(
+        resolver,
+        compares=any(is_comparison(one) for one in sentences),
+        simulates=any(one.has("SIMULATE") for one in sentences),
+        bare=len(sentences) == 1 and _is_bare(sentences[0]) and not spotter.slips,
+    )
+    for sentence in sentences:
+        reading.take(sentence.spots, sentence.question)
     reading.finish()
-    if not (reading.wanted or resolver.cannot or reading.looked):
-        resolver.reject(request)
+    unfelt = list(_unfelt(sentences, resolver))
+    unused = [run for sentence in sentences for run in _unused(sentence)]
+    if not reading.wanted and not reading.looked:
+        cannot = (*resolver.cannot, *unfelt)
+        if cannot and not reading.asked:
+            return Grounded((), tuple(dict.fromkeys(cannot)))
+        raise resolver.not_understood(unused)
+    within = _within(sentences, reading)
+    sure = spotter.code == "en" and all(is_sure(one) for one in sentences) and not reading.guessed
+    if unused or not sure or len(spotter.slips) > 1:
+        reason = f"I am not sure about '{' '.join(request.split())}'; please confirm"
+        if unused:
+            dead = [one.text(spot) for one in sentences for spot in one.spots if _is_dead(spot)]
+            reason = str(resolver.not_understood(dead)).partition(HINT)[0]
+        raise PlanRejected(reason, reading.wanted, tuple(unused), within)
+    slips = [f"'{word}' is read as '{meant}'." for word, meant in spotter.slips.items()]
     return Grounded(
         asked=reading.wanted,
-        cannot=tuple(dict.fromkeys(resolver.cannot)),
-        remarks=tuple(dict.fromkeys((*reading.selection.remarks, *reading.remarks))),
+        cannot=tuple(dict.fromkeys((*resolver.cannot, *unfelt))),
+        remarks=tuple(dict.fromkeys((*slips, *spotter.remarks, *reading.remarks))),
+        within=within,
     )
 
 
-def _propose(
-    parts: Sequence[Sentence], scene: Scene, lattice: Lattice
-) -> tuple[tuple[Parameter, ...], tuple[str, ...]]:
-    """Return the candidate parameters of a partly understood request, and its unused words.
+def parse(request: str, scene: Scene) -> tuple[Spotter, list[Sentence]]:
+    """Find the spots of each sentence of a request.
 
-    A proposal may be wrong. It is shown and confirmed before use.
+    Raises:
+        PlanRejected: a sentence is too long, or describes a body that the scene does not have.
     """
-    reading = Reading(Resolver(scene), Selection(scene, lattice.nouns))
-    not_used: list[str] = []
-    for part in parts:
-        cover = part.covers[0] if part.covers else Cover()
-        unused = set(cover.left)
-        # A leftover word that changes the wish excludes a proposal.
-        if any(_asks_otherwise(part.words, at) for at in unused):
-            return (), ()
-        for act, clause in next(cover.readings()):
-            reading.selection.unsure = False  # the user confirms the references
-            try:
-                # A leftover word next to a clause could change its bodies.
-                if _is_part(part.words, clause, unused) or (unused and reading.is_of_all(act)):
-                    raise PlanRejected("the words left over may make it another")
-                reading.take(act)
-            except (InputError, PlanRejected):
-                unused.update(range(clause.start, clause.end))
-        not_used += _runs(part.words, unused)
-    with suppress(InputError, PlanRejected):
-        reading.finish()
-    return reading.wanted, tuple(dict.fromkeys(not_used))
+    nouns = Nouns(scene)
+    words = tokens(nouns.split_names(request))
+    spotter = Spotter(scene, nouns, spoken(words, nouns.names))
+    return spotter, [_sentence(part, spotter) for part in _sentences(words)]
 
 
-def _asks_otherwise(words: Sequence[str], at: int) -> bool:
-    """True for a word that leaves the wish open, or commands another action."""
-    if not english().sets["open"].isdisjoint(lemmas(words[at])):
+def _sentences(words: Sequence[str]) -> Iterator[tuple[list[str], bool]]:
+    """Yield the words of each sentence, and True for a question."""
+    sentence: list[str] = []
+    for word in [*words, "."]:
+        if word not in ".;?!":
+            sentence.append(word)
+        elif sentence:
+            if len(sentence) > LONGEST:
+                raise PlanRejected(
+                    f"a sentence of the request has {len(sentence)} words; say it in sentences of at "
+                    f"most {LONGEST}"
+                )
+            yield sentence, word == "?"
+            sentence = []
+
+
+def _sentence(part: tuple[list[str], bool], spotter: Spotter) -> Sentence:
+    words, question = part
+    spots = spotter.spots(words)
+    _find_absent(spots, words)
+    return Sentence(words, spots, question)
+
+
+def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
+    """Mark nouns without a body where a body is expected; elsewhere they mean nothing."""
+    for at, spot in enumerate(spots):
+        if not (spot.unknown or (spot.thing is not None and not spot.thing.names)):
+            continue
+        start = at
+        while (
+            start and spots[start - 1].has("DET", "NUM", "ALL") and spots[start - 1].thing is None
+        ):
+            start -= 1
+        known = spot.thing is not None
+        before = spots[start - 1] if start else None
+        expected = before is not None and (start < at or known) and _expects_body(spots, start - 1)
+        following = spots[at + 1] if at + 1 < len(spots) else None
+        if expected and before is not None and before.has("AND", "OR", ","):
+            expected = following is None or following.has(",", "AND", "OR", "W", "F", "REL")
+        if not expected and (start < at or known) and following is not None:
+            named = any(one.thing is not None and one.thing.names for one in spots)
+            expected = following.has("W", "'S", "N") and not named
+        if expected and words[spot.start].isalpha():
+            text = " ".join(words[spot.start : spot.end])
+            spot.thing = Thing(text, (), known=known)
+        else:
+            spot.thing, spot.classes = None, {}
+
+
+def _expects_body(spots: Sequence[Spot], at: int) -> bool:
+    """True if a body follows this position: after "mass of", "weigh", "how heavy is", "the mug and"."""
+    spot = spots[at]
+    if spot.has("W"):
         return True
-    # A verb at the start of a clause is a command.
-    commands = at == 0 or words[at - 1] in ("and", "then", ",", "you")
-    return commands and words[at] in deeds()
+    if spot.has("OF"):
+        return at > 0 and spots[at - 1].is_quantity and not spot.has("FOR")
+    if spot.has("AND", "OR", ","):
+        thing = spots[at - 1].thing if at else None
+        return thing is not None and bool(thing.names)
+    return spot.has("F") and at > 0 and spots[at - 1].has("A", "C")
 
 
-def _is_part(words: Sequence[str], clause: Clause, left: set[int]) -> bool:
-    """True if a leftover word changes the bodies of a clause: "the lid of the mug"."""
-    before, relating = clause.start - 1, english().classes.get((words[clause.start - 1],), [])
-    related = before in left and any(kind in ("OF", "REL") for kind, _ in relating)
-    return related or (clause.end in left and words[clause.end] == "'s")
+def _is_bare(sentence: Sentence) -> bool:
+    """True for bodies alone: "the mug and the bottle"."""
+    kinds = "".join(
+        "T" if one.thing else "," if one.has("AND", ",") else "" if one.has("DET", "ALL") else "?"
+        for one in sentence.spots
+    )
+    return "?" not in kinds and "TT" not in kinds
 
 
-def _runs(words: Sequence[str], places: Iterable[int]) -> list[str]:
-    """Join words at successive positions."""
-    # Successive positions have equal differences to their index.
-    runs: dict[int, list[str]] = {}
-    for count, at in enumerate(sorted(places)):
-        runs.setdefault(at - count, []).append(words[at].replace("§amount", "an amount"))
-    return [" ".join(run) for run in runs.values()]
+def is_comparison(sentence: Sentence) -> bool:
+    """True for a sentence that compares bodies, or a body with an amount."""
+    if sentence.has("C") or sum(spot.has("THAN") for spot in sentence.spots) > 1:
+        return any(spot.is_quantity for spot in sentence.spots)
+    return sentence.has("MORE") and any(spot.is_quantity for spot in sentence.spots)
 
 
-def _list_parameters(parameters: Sequence[Parameter]) -> str:
-    return " and ".join(str(parameter) for parameter in parameters) or "nothing"
+def _refuse(sentences: Sequence[Sentence], resolver: Resolver) -> None:
+    """Reject requests for something else: parts, actions, choices, the past.
+
+    Raises:
+        PlanRejected: the reason.
+    """
+    simulates = any(one.has("SIMULATE") for one in sentences)
+    for one in sentences:
+        spots = one.spots
+        for at, spot in enumerate(spots):
+            otherwise = spot.has("OPEN") or _is_past(spots, at) or _is_choice(spots, at)
+            if otherwise or (_is_deed(spots, at) and not simulates):
+                raise resolver.not_understood([one.text(spot)])
+            if _is_part(spots, at) and any(spot.is_quantity for spot in spots):
+                raise resolver.not_understood([one.text(spot)])
+            if spot.has("OR") and not is_comparison(one) and _joins_bodies(spots, at):
+                raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
+
+
+def _is_deed(spots: Sequence[Spot], at: int) -> bool:
+    """True for an action at the start of a clause."""
+    spot = spots[at]
+    if not spot.has("DEED") or spot.has("HARMLESS", "A", "W", "MEASURE", "F"):
+        return False
+    before = spots[at - 1] if at else None
+    if any(one.has("W") for one in spots[at + 1 :]) and spot.classes["DEED"] == "":
+        return False  # "put the mug on the scales"
+    return before is None or before.has(",", "AND", "COND") or (at == 1 and before.has("F"))
+
+
+def _is_past(spots: Sequence[Spot], at: int) -> bool:
+    """True for "how heavy was the mug" and "will the mug weigh"."""
+    if not spots[at].has("PAST"):
+        return False
+    before = spots[at - 1] if at else None
+    after = next((one for one in spots[at + 1 :] if not one.has("DET") or one.thing), None)
+    asked = before is None or before.has("A", "C", "W", "F")
+    return asked and after is not None and after.thing is not None
+
+
+def _is_choice(spots: Sequence[Spot], at: int) -> bool:
+    """True for "one of the boxes" and "any box"."""
+    rest = [one for one in spots[at + 1 : at + 4] if not one.has("DET") or one.thing]
+    return spots[at].has("CHOICE") and bool(rest) and rest[0].thing is not None
+
+
+def _is_part(spots: Sequence[Spot], at: int) -> bool:
+    """True for a part of a body: "the lid of the mug", "the mug's handle"."""
+    spot = spots[at]
+    part = spot.has("PART") or spot.unknown or (spot.thing is not None and not spot.thing.names)
+    if not part or spot.has("DEED"):
+        return False
+    after = [one for one in spots[at + 1 : at + 4] if not one.has("DET") or one.has("OF")]
+    owned = len(after) > 1 and after[0].has("OF", "REL") and after[1].thing is not None
+    owned = owned and (spot.has("PART") or after[0].has("OF"))
+    first = at
+    while first and spots[first - 1].unknown:
+        first -= 1
+    noun = first > 0 and spots[first - 1].has("DET", "OF")
+    if owned and noun:
+        return True
+    if at == 0:
+        return False
+    before = spots[at - 1]
+    if before.has("'S") or (spot.has("PART") and before.has("ITS")):
+        return True
+    return spot.has("PART") and before.thing is not None
+
+
+def _joins_bodies(spots: Sequence[Spot], at: int) -> bool:
+    before = any(one.thing for one in spots[:at])
+    return before and any(one.thing for one in spots[at + 1 : at + 4])
+
+
+def _unfelt(sentences: Sequence[Sentence], resolver: Resolver) -> Iterator[str]:
+    """Yield a message for each property that nothing measures."""
+    for one in sentences:
+        for at, spot in enumerate(one.spots):
+            adjective = at + 1 < len(one.spots) and one.spots[at + 1].thing is not None
+            if (
+                spot.has("UNFELT")
+                and not spot.is_quantity
+                and not adjective
+                and not one.has("COND")
+            ):
+                spot.used = True
+                yield resolver.not_measurable(spot.classes["UNFELT"], one.text(spot))
+
+
+def _within(sentences: Sequence[Sentence], reading: Reading) -> tuple[tuple[str, str], ...]:
+    """Return the widths that the request states, by quantity."""
+    found: dict[str, str] = {}
+    ids = dict.fromkeys(parameter.quantity for parameter in reading.wanted)
+    spots = [(one, spot.classes.get("AMOUNT", "")) for one in sentences for spot in one.spots]
+    for sentence, text in spots:
+        if text and (sentence.has("WIDTH") or text[0] in "±+"):
+            value = amount(text.replace("~", " "))
+            for id in ids:
+                # A width in grams is that of a mass, not that of a height.
+                with suppress(InputError):
+                    parse_width(id, value)
+                    found.setdefault(id, value)
+    return tuple(found.items())
+
+
+def stated_widths(request: str, scene: Scene) -> Within:
+    """Return the half widths of intervals that a request states: "± 1 g", "to within 2 mm"."""
+    try:
+        found = ground(request, scene).within
+    except PlanRejected as rejection:
+        found = rejection.within
+    except InputError:
+        found = ()
+    return Within.read(dict(found))
+
+
+def _unused(sentence: Sentence) -> Iterator[str]:
+    """Yield runs of words without a use, with the small words before them."""
+    run: list[Spot] = []
+    for spot in [*sentence.spots, Spot(0, 0, {".": ""})]:
+        small = spot.thing is None and not spot.used and spot.has("DET", "OF")
+        if small or _is_dead(spot) or (run and _is_dead(run[-1]) and spot.has("PRONOUN")):
+            run.append(spot)
+            continue
+        while run and not _is_dead(run[-1]) and not run[-1].has("PRONOUN"):
+            run.pop()
+        if any(map(_is_dead, run)):
+            yield " ".join(sentence.text(one) for one in run)
+        run = []
+
+
+def _is_dead(spot: Spot) -> bool:
+    """True for a word that was not used."""
+    if spot.unknown:
+        return True
+    if spot.thing is not None:
+        return not spot.used
+    return (
+        spot.has("UNFELT", "PART", "DEED")
+        and not spot.used
+        and not spot.has("W", "A", "F", "MEASURE")
+    )
+
+
+_SYMBOLS = (
+    ("!", ("COND", "OPEN", "PART", "CORRECT", "CHOICE", "PAST", "RATHER")),
+    ("d", ("SIMULATE",)),
+    ("k", ("KNOWN", "IDEA")),
+    ("x", ("EXCEPT",)),
+    ("n", ("NOT",)),
+    ("l", ("SKIP", "NEEDLESS")),
+    ("c", ("C", "MORE")),
+    ("t", ("THAN", "ABOVE", "BELOW")),
+    ("w", ("W",)),
+    ("q", ("N", "INERTIAL", "UNIT", "UNFELT")),
+    ("a", ("A",)),
+    ("e", ("EVERYTHING", "ELSE")),
+    ("z", ("MISSING", "VAGUE")),
+    ("&", ("AND", ",", "BUT", ":")),
+    ("o", ("OR",)),
+    ("r", ("THATOF",)),
+    ("f", ("OF",)),
+    ("i", ("ITS", "PRONOUN")),
+    ("9", ("AMOUNT",)),
+    ("h", ("HOW",)),
+)
+"""Symbols of classes in the forms of sure sentences, the most significant first."""
+_THINGS = r"(?:[fr]*[Te](?:[&fr]*[Te])*)"
+_PLAIN = r"(?:[Te](?:&*[Te])*)"
+_QUANTITY = r"(?:i?q(?:&*i?q)*)"
+_ASKED = (
+    rf"(?:{_QUANTITY}f*h?{_THINGS}|h*w+h?{_THINGS}h?|h?{_PLAIN}h?w|{_PLAIN}[&h]*{_QUANTITY}|h+[aq]h?f?{_THINGS}h?|"
+    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|iq|h+ah?i?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)+"
+)
+_LESS = rf"&*(?:x|n|xn|nx)(?:i?[qa]*{_THINGS}q?|i?q+)h?"
+SURE = re.compile(
+    rf"h*{_QUANTITY}h*|{_QUANTITY}(?:&*(?:x|n|xn|nx){_THINGS})+|(?:[&h]*(?:n+k(?:{_ASKED})|k(?:{_ASKED})(?:{_LESS})*|(?:{_ASKED})h?n*k?|nw{_THINGS}|l(?:{_ASKED})|"
+    rf"(?:{_ASKED})n?l|(?:{_ASKED})(?:{_LESS})*|(?:&*x{_THINGS}h?)+&*(?:{_ASKED})|"
+    rf"(?=[^&]*h)[hcTewqao&9ifrt]*c[hcTewqao&9ifrt]*|h*t[aq]t[fTe]+|hTt[aq]tT|d+[hdiTeqa&z]*))+[&h]*"
+)
+"""Forms of sure English sentences, as symbols of their spots."""
+
+
+def is_sure(sentence: Sentence) -> bool:
+    """True if all words of an English sentence belong to a form that has one meaning."""
+    return SURE.fullmatch(_symbols(sentence)) is not None
+
+
+def _symbols(sentence: Sentence) -> str:
+    """Return the form of a sentence; small words and places have no symbol."""
+    symbols = ""
+    simulates = sentence.has("DEED")
+    for at, spot in enumerate(sentence.spots):
+        purpose = any(one.has("SIMULATE") for one in sentence.spots[at + 1 : at + 3])
+        if spot.has("FOR") and purpose and not simulates:
+            continue  # "for our simulation"
+        if spot.has("AMOUNT") and (sentence.has("WIDTH") or spot.classes["AMOUNT"][0] in "±+"):
+            continue  # "± 1 g"
+        if spot.thing is not None and not spot.has("MARK"):
+            symbols += "T"
+        elif spot.unknown:
+            symbols += "?"
+        elif spot.has("REL") and not spot.used:
+            symbols += "" if sentence.has("SIMULATE") else "?"
+        elif spot.has("SIMULATE") and not simulates:
+            continue
+        elif not spot.has("MARK", "REL"):
+            symbols += next((one for one, names in _SYMBOLS if spot.has(*names)), "")
+    return symbols

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NoReturn
 
+from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter, PlanRejected
 from palpate.estimation.quantities.catalogue import Catalogue
-from palpate.planning.request.query import GRIPPER, Item, NamedQuantity
+from palpate.planning.request.query import GRIPPER
+from palpate.planning.request.spots import Thing
 from palpate.scene.describe import AN_OBJECT
 from palpate.scene.scene import Scene
 
@@ -25,50 +26,50 @@ class Resolver:
 
     Attributes:
         scene: the scene.
+        request: the request, for messages.
         catalogue: its quantities.
         cannot: one sentence for each request that no plan can measure.
     """
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene = scene
+    def __init__(self, scene: Scene, request: str) -> None:
+        self.scene, self.request = scene, request
         self.catalogue = scene.catalogue
         self.cannot: list[str] = []
 
-    def parameters(self, quantity: NamedQuantity, objects: Sequence[Item]) -> list[Parameter]:
-        """Return the parameters of a quantity of the given objects.
+    def parameters(self, id: str, things: Sequence[Thing]) -> list[Parameter]:
+        """Return the parameters of a quantity of the given bodies.
 
-        Without objects, these are all bodies that miss it, else all that can have it.
+        Without bodies, these are all that miss it, else all that can have it.
 
         Raises:
             PlanRejected: a mention is ambiguous.
         """
-        id = self._meant(quantity.id, objects)
-        if not quantity.measurable or not self.catalogue[id].identifiable:
-            self.cannot.append(self.not_measurable(quantity))
+        id = self._meant(id, things)
+        if not self.catalogue[id].identifiable:
+            self.cannot.append(self.not_measurable(id, id))
             return []
-        if not objects:
-            # Without objects, missing parameters have priority over known ones.
+        if not things:
+            # Without bodies, missing parameters have priority over known ones.
             missing = [parameter for parameter in self.scene.missing if parameter.quantity == id]
-            return missing or [Parameter(name, id) for name in self._carriers(id)]
-        names = [name for item in objects for name in self._chosen(item, id)]
-        found = [Parameter(name, id) for name in names]
-        if not found:
-            self.cannot.append(self._wrong_subject(id, objects))
-        return found
+            return missing or [Parameter(name, id) for name in self.carriers(id)]
+        names = [name for thing in things for name in self._chosen(thing, id)]
+        if not names:
+            self.cannot.append(self._wrong_subject(id, things))
+        return [Parameter(name, id) for name in names]
 
-    def _meant(self, id: str, objects: Sequence[Item]) -> str:
-        """Return the quantity that a word refers to for these `objects`.
+    def _meant(self, id: str, things: Sequence[Thing]) -> str:
+        """Return the quantity that a word refers to for these bodies.
 
         For example, the height of a crate is part of its size.
         """
-        # Use the other quantity only if the objects have that one alone.
+        # Use the other quantity only if the bodies have that one alone.
         elsewhere = self.catalogue[id].elsewhere if id in self.catalogue else None
-        if not elsewhere or self._any_carries(objects, id):
+        if not elsewhere or self._any_carries(things, id):
             return id
-        return elsewhere if self._any_carries(objects, elsewhere) else id
+        return elsewhere if self._any_carries(things, elsewhere) else id
 
-    def _any_carries(self, objects: Sequence[Item], id: str) -> bool:
-        return any(self._carries(name, id) for item in objects for name in item.names)
+    def _any_carries(self, things: Sequence[Thing], id: str) -> bool:
+        return any(self._carries(name, id) for thing in things for name in thing.names)
 
     def is_assumed(self, parameter: Parameter) -> bool:
         """True if the scene has the value from an assumption, such as uniform density."""
@@ -76,40 +77,32 @@ class Resolver:
         quantity = self.catalogue[parameter.quantity].known_as()
         return body is not None and quantity in body.assumed
 
-    def can_have(self, objects: Sequence[Item], quantity: NamedQuantity) -> bool:
-        """True if one of the `objects` can have the quantity."""
-        id = self._meant(quantity.id, objects)
-        return id not in self.catalogue or self._any_carries(objects, id)
+    def can_have(self, things: Sequence[Thing], id: str) -> bool:
+        """True if one of the bodies can have the quantity."""
+        return self._any_carries(things, self._meant(id, things))
 
-    def exclusions(
-        self, quantity: NamedQuantity | None, objects: Sequence[Item]
-    ) -> list[Parameter]:
+    def exclusions(self, id: str | None, things: Sequence[Thing]) -> list[Parameter]:
         """Return the parameters that "except …" or "we know …" excludes.
 
-        Without a quantity, all quantities of the objects are excluded.
-
-        Raises:
-            PlanRejected: a mention is ambiguous.
+        Without a quantity, all quantities of the bodies are excluded; without bodies, the quantity of
+        all. An ambiguous mention excludes all of its bodies.
         """
-        # All quantities, or the one that the word refers to for these objects.
-        ids = list(self.catalogue)
-        if quantity is not None:
-            ids = [id for id in ids if id == self._meant(quantity.id, objects)]
-        chosen = [name for item in objects for name in self._chosen(item, None)]
+        ids = list(self.catalogue) if id is None else [self._meant(id, things)]
+        names = [name for thing in things for name in thing.names]
         return [
-            Parameter(name, id)
-            for id in ids
-            for name in (chosen if objects else self._carriers(id))
+            Parameter(name, one)
+            for one in ids
+            for name in (names if things else self.carriers(one))
         ]
 
-    def missing(self, objects: Sequence[Item]) -> tuple[list[Parameter], str]:
-        """Return the missing parameters of the objects, or of all bodies, with a remark.
+    def missing(self, things: Sequence[Thing]) -> tuple[list[Parameter], str]:
+        """Return the missing parameters of the bodies, or of all bodies, with a remark.
 
         Raises:
             PlanRejected: a mention is ambiguous.
         """
         missing = list(self.scene.missing)
-        names = [name for item in objects for name in self._chosen(item, None)]
+        names = [name for thing in things for name in self._chosen(thing, None)]
         if not names or set(names) >= set(self.scene.bodies):
             return missing, "Everything that the scene misses is meant."
         found = [parameter for parameter in missing if parameter.object in names]
@@ -131,18 +124,16 @@ class Resolver:
         every = [Parameter(name, id) for name in names for id in self.catalogue]
         return sorted(dict.fromkeys(parameters), key=every.index)
 
-    def not_understood(self, words: Sequence[str], sentence: str) -> PlanRejected:
-        """Make the error for words that were not understood, with an example request."""
-        said = " ".join(sentence.split())
-        # Quote at most four words, and a long sentence only in part.
-        told = [word for word in dict.fromkeys(words) if word in said.lower()][:4]
-        listed = ", ".join(f"'{word}'" for word in told)
+    def not_understood(self, words: Sequence[str]) -> PlanRejected:
+        """Make the error for a request that names no parameter, with an example request."""
+        said = " ".join(self.request.split())
         if len(said) > LONG:
             said = f"{said[:LONG].rsplit(' ', 1)[0]} …"
-        listed = f"{listed} in '{said}'" if told else f"'{said}'"
+        listed = ", ".join(f"'{word}'" for word in list(dict.fromkeys(words))[:4])
+        listed = f"{listed} in '{said}'" if words else f"'{said}'"
         return PlanRejected(
-            f"I did not understand {listed}{HINT}'{self._example()}'; measurable are {_measurable(self.catalogue)} of "
-            f"{self._listed_bodies()}"
+            f"I did not understand {listed}{HINT}'{self._example()}'; measurable are "
+            f"{_measurable(self.catalogue)} of {self._listed_bodies()}"
         )
 
     def _example(self) -> str:
@@ -151,39 +142,44 @@ class Resolver:
             return f"mass of the {next(iter(self.scene.objects))}"
         return "everything that is missing"
 
-    def reject(self, request: str) -> NoReturn:
-        """Reject a request without any known word.
+    def absent(self, thing: Thing) -> InputError | PlanRejected:
+        """Make the error for a noun that names no body; an unknown word may still mean one."""
+        if not thing.known:
+            return self.not_understood([thing.text])
+        names = ", ".join(self.scene.bodies) or "no objects"
+        return InputError(f"the scene has no '{thing.text}'; it has {names}")
 
-        Raises:
-            PlanRejected: always; it states possible requests.
-        """
-        shown = " ".join(request.split())[:80]
-        raise PlanRejected(
-            f"nothing in '{shown}' names a quantity or an object of this scene; ask for "
-            f"{_measurable(self.catalogue)} of {self._listed_bodies()}"
+    def of_what(self, id: str) -> str:
+        """Message on a quantity without a body."""
+        label, names = self.catalogue[id].label, self.carriers(id)
+        if not names:
+            return f"nothing in the scene has a {label}; it has {self._listed_bodies()}"
+        return (
+            f"it is not clear of what the {label} is wanted{HINT}'{label} of the {names[0]}' or "
+            f"'every {label}'; the scene has {self._listed_bodies()}"
         )
 
-    def _chosen(self, item: Item, id: str | None) -> list[str]:
+    def _chosen(self, thing: Thing, id: str | None) -> list[str]:
         """Return the bodies of a mention that can have the quantity.
 
         Raises:
             PlanRejected: a singular mention has several such bodies.
         """
         # Bodies that cannot have the quantity do not count as ambiguous.
-        names = list(item.names)
+        names = list(thing.names)
         if id is not None:
             names = [name for name in names if self._carries(name, id)]
-        if item.plural or len(names) <= 1:
+        if thing.plural or len(names) <= 1:
             return names
         # A singular mention with several candidates is ambiguous.
         choices = " or ".join(f"'{name}'" for name in names)
         what = f"the {self.catalogue[id].label} of " if id else ""
         raise PlanRejected(
-            f"'the {item.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
+            f"'the {thing.text}' may be {choices}; name one, e.g. '{what}{names[0]}', or ask for all of "
             f"them, e.g. '{what}all of {', '.join(names)}'"
         )
 
-    def _carriers(self, id: str) -> list[str]:
+    def carriers(self, id: str) -> list[str]:
         """Return the bodies that can have the quantity; the gripper for its own quantities."""
         if self.catalogue[id].subject == "gripper":
             return [GRIPPER]
@@ -198,24 +194,26 @@ class Resolver:
             return name in self.scene.objects
         return subject == self.scene.bodies[name].role
 
-    def not_measurable(self, quantity: NamedQuantity) -> str:
+    def not_measurable(self, id: str, word: str) -> str:
         """Message on a property that nothing measures."""
         # A quantity of the catalogue states its own reason.
-        reason, label = _NOT_SENSED, quantity.id
-        if quantity.id in self.catalogue:
-            reason, label = self.catalogue[quantity.id].how, self.catalogue[quantity.id].label
-        said = f" ('{quantity.word}')" if quantity.word != label else ""
-        measurable = _measurable(self.catalogue)
-        return f"The {label}{said} cannot be measured: {reason}; what can be is {measurable}."
+        reason, label = _NOT_SENSED, id
+        if id in self.catalogue:
+            reason, label = self.catalogue[id].how, self.catalogue[id].label
+        said = f" ('{word}')" if word != label else ""
+        return (
+            f"The {label}{said} cannot be measured: {reason}; what can be is "
+            f"{_measurable(self.catalogue)}."
+        )
 
-    def _wrong_subject(self, id: str, objects: Sequence[Item]) -> str:
+    def _wrong_subject(self, id: str, things: Sequence[Thing]) -> str:
         subject = self.catalogue[id].subject
         article = "an" if subject[0] in "aeiou" else "a"
-        carriers = ", ".join(self._carriers(id)) or "none here"
-        is_fixed = subject == "object" and objects[0].names[0] in self.scene.surfaces
+        carriers = ", ".join(self.carriers(id)) or "none here"
+        is_fixed = subject == "object" and things[0].names[0] in self.scene.surfaces
         hint = f"; {AN_OBJECT}" if is_fixed else ""
         return (
-            f"The {self.catalogue[id].label} of '{objects[0].text}' cannot be measured: it is measured of "
+            f"The {self.catalogue[id].label} of '{things[0].text}' cannot be measured: it is measured of "
             f"{article} {subject} ({carriers}){hint}."
         )
 

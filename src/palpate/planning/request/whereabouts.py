@@ -13,7 +13,6 @@ import numpy as np
 from palpate.common.parameter import PlanRejected
 from palpate.common.pose import Array
 from palpate.mjcf.body import Body
-from palpate.planning.request.query import Item
 from palpate.scene.scene import Scene
 
 APART = 0.02
@@ -71,36 +70,32 @@ def _measure(axis: str, body: Body, scene: Scene) -> float:
 
 
 def standing(
-    relation: str, item: Item, marks: Sequence[str], scene: Scene, anything: bool
+    relation: str, said: str, names: Sequence[str], marks: Sequence[str], scene: Scene
 ) -> tuple[tuple[str, ...], str]:
-    """Return the bodies of an item with a relation to the landmarks, with a remark.
+    """Return the bodies of `names` with a relation to the landmarks, with a remark.
 
     Raises:
         PlanRejected: no body has the relation, or the choice is ambiguous.
     """
-    # Candidates: all bodies of the item except the landmarks.
+    # Candidates: all of the bodies except the landmarks.
     beside = _bodies(scene, marks)
-    rest = _bodies(scene, scene.objects if anything else item.names)
+    rest = _bodies(scene, names)
     rest = [body for body in rest if all(body is not mark for mark in beside)]
     on_surface = relation in _STANDING and all(name in scene.surfaces for name in marks)
     remark = ""
-    if len(item.names) == 1 and on_surface and item.names[0] not in marks:
+    if len(names) == 1 and on_surface and names[0] not in marks:
         # The height of a surface may be unknown, so the position of a single body on it is not
         # tested.
-        return item.names, remark
+        return tuple(names), remark
     # Vertical relations compare boxes; horizontal ones compare distances and directions.
     if relation in _STANDING:
         stands = _STANDING[relation]
         found = [body for body in rest if any(stands(body, mark, rest) for mark in beside)]
     else:
-        found, remark = _bodies_in_relation(
-            relation, rest, beside, scene, chosen=anything or len(rest) > 1
-        )
+        found, remark = _bodies_in_relation(relation, rest, beside, scene, chosen=len(rest) > 1)
     if not found:
-        said = " and ".join(f"'{mark}'" for mark in marks)
-        raise PlanRejected(
-            f"no '{item.text}' of this scene is {_SAID.get(relation, relation)} {said}"
-        )
+        places = " and ".join(f"'{mark}'" for mark in marks)
+        raise PlanRejected(f"no '{said}' of this scene is {_SAID.get(relation, relation)} {places}")
     return tuple(body.name for body in found), remark
 
 

@@ -1,129 +1,166 @@
-"""Words of a request: vocabulary, tokens, spelling, and translation from four languages to English."""
+"""Words of requests in five languages: tokens, phrases with their classes, and concepts of nouns."""
 
 from __future__ import annotations
 
 import re
 import unicodedata
 from collections import defaultdict
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache
 from importlib.resources import files
-from typing import Any
 
-from palpate.common.files import plain_yaml
-from palpate.estimation.quantities.catalogue import catalogue, quantities_by_verb
+from palpate.estimation.quantities.catalogue import catalogue
 
-LANGUAGES = ("de", "es", "fr", "it")
-"""Languages of requests besides English."""
+LANGUAGES = ("en", "de", "fr", "it", "es")
+"""Languages of requests, in the order of the columns of the word lists."""
+EXACT = 3
+"""Maximum number of letters of a word whose accents must agree: the French "où" and "ou"."""
+NEAR = 0.82
+"""Minimum similarity of a misspelt word to the known one. The first letters must agree."""
 
-Phrase = tuple[str, ...]
-Words = frozenset[str]
+_OTHERWISE = frozenset({"place", "where", "level", "weigh", "lean"})
+"""Names of quantities with other frequent uses, which `words/classes.txt` covers."""
+
+_SPELT_OUT = ("W", "A", "C", "N", "UNFELT", "EXCEPT", "WHICH")
+"""Classes whose words may be misspelt."""
+
+Classes = Mapping[str, str]
+"""Classes of a phrase, each with its value; without a value, it is empty."""
 
 
 @dataclass(frozen=True, slots=True)
+class Entry:
+    """Phrase of a word list, with its class; an asterisk at the end of a word stands for any ending."""
+
+    words: tuple[str, ...]
+    name: str
+    value: str
+
+
+@dataclass(frozen=True)
 class Language:
-    """Language of requests: its phrases in English, removable endings, and a flag for compound
-    nouns.
-    """
-
-    turned: Mapping[Phrase, Phrase]
-    endings: tuple[str, ...]
-    compounds: bool
-
-
-@dataclass(frozen=True, slots=True)
-class English:
-    """Words of English requests, from `words/en.yaml`.
+    """Word lists of one language.
 
     Attributes:
-        turned: replacements of phrases.
-        classes: classes of each phrase, with a meaning if it has one.
-        labels: tables from a word to its meaning, by name.
-        sets: sets of words, by name.
-        kinds: members of each class of objects.
-        same: sets of synonyms.
-        purposes: quantities by verb of an action.
+        entries: phrases by the first two letters of their first word.
+        nouns: concepts of each noun or adjective, the usual concept first.
+        words: all complete words, for the correction of spelling.
     """
 
-    turned: Mapping[Phrase, Phrase]
-    classes: Mapping[Phrase, list[tuple[str, tuple[str, ...]]]]
-    labels: Mapping[str, Mapping[str, str]]
-    sets: Mapping[str, Words]
-    kinds: Mapping[str, Words]
-    same: tuple[Words, ...]
-    purposes: Mapping[str, tuple[str, ...]]
+    entries: dict[str, list[Entry]] = field(default_factory=lambda: defaultdict(list[Entry]))
+    nouns: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list[str]))
+    words: set[str] = field(default_factory=set[str])
 
-    @property
-    def compared(self) -> Mapping[str, str]:
-        """Quantity of a comparative: mass for "heavier"."""
-        return self.labels["compared"]
+    def add(self, phrase: str, name: str, value: str) -> None:
+        """Add a phrase of a class."""
+        words = tuple(phrase.replace("'", " ").replace("-", " ").split())
+        self.entries[without_accents(words[0])[:2].rstrip("*")].append(Entry(words, name, value))
+        if len(words) == 1 and name in _SPELT_OUT and len(phrase) > EXACT and "*" not in phrase:
+            self.words.add(words[0])
+
+    def match(self, words: Sequence[str], at: int) -> tuple[int, Classes]:
+        """Return the number of words of the longest phrase at a position, and its classes."""
+        most, classes = 0, dict[str, str]()
+        key = without_accents(words[at])
+        for entry in (*self.entries.get(key[:2], ()), *self.entries.get(key[:1], ())):
+            said = words[at : at + len(entry.words)]
+            if len(said) < max(len(entry.words), most):
+                continue
+            if all(_agrees(word, form) for word, form in zip(said, entry.words, strict=True)):
+                if len(said) > most:
+                    most, classes = len(said), dict[str, str]()
+                classes.setdefault(entry.name, entry.value)
+        return most, classes
+
+    def concepts(self, word: str) -> tuple[str, ...]:
+        """Return the concepts of a noun or adjective, the usual one first."""
+        for said in dict.fromkeys((word, without_accents(word) if len(word) > EXACT else word)):
+            for form in singulars(said):
+                if form in self.nouns:
+                    return tuple(self.nouns[form])
+            for length in range(len(said), 1, -1):
+                if f"{said[:length]}*" in self.nouns:
+                    return tuple(self.nouns[f"{said[:length]}*"])
+        return ()
+
+    def parts(self, word: str) -> tuple[str, str] | None:
+        """Split a compound noun whose two parts are known: "Tischhöhe"; None for other words."""
+        for at in range(3, len(word) - 2):
+            tail, head = word[at:], word[:at]
+            known = self.match([tail], 0)[0] or self.concepts(tail)
+            for stem in (head, *singulars(head), f"{head}e") if known else ():
+                if self.concepts(stem):
+                    return stem, tail
+        return None
+
+
+def _agrees(word: str, form: str) -> bool:
+    """True if a word is the form of an entry; longer words may lack their accents."""
+    if form.endswith("*"):
+        bare = without_accents(form[:-1]) if len(form) > EXACT + 1 else form[:-1]
+        return word.startswith(form[:-1]) or word.startswith(bare)
+    return word == form or (len(word) > EXACT and word == without_accents(form))
 
 
 @cache
-def english() -> English:
-    """Return the words of English requests."""
-    said = _read("en")
-    # Classes without a meaning, then those whose meaning is the table's key.
-    classes: dict[Phrase, list[tuple[str, tuple[str, ...]]]] = defaultdict(list)
-    for kind, phrases in (*said["classes"].items(), ("FILL", said["frames"])):
-        for phrase in _split_phrases(phrases):
-            classes[phrase].append((kind, ()))
-    for kind, table in (("REL", "relations"), ("SEL", "selecting"), ("NUM", "numbers")):
-        for value, phrases in said[table].items():
-            for phrase in _split_phrases(phrases):
-                classes[phrase].append((kind, (value,)))
-    labels = ("compared", "asked", "unfelt", "irregular", "numbers")
-    return English(
-        turned={tuple(phrase.split()): tuple(by.split()) for phrase, by in said["turned"].items()},
-        classes=classes,
-        labels={name: _by_word(said[name]) for name in labels},
-        sets={name: _words(words) for name, words in said["sets"].items()},
-        kinds={kind: _words(members) for kind, members in said["kinds"].items()},
-        same=tuple(_words(line) for line in said["same"].split(",")),
-        purposes=quantities_by_verb(),
-    )
+def languages() -> Mapping[str, Language]:
+    """Return the word lists of all languages.
+
+    `words/classes.txt` has the phrases, the catalogue the names of quantities, and
+    `words/nouns.txt` the nouns.
+    """
+    found = {code: Language() for code in LANGUAGES}
+    for head, columns in _rows("classes"):
+        name, _, value = head.partition(" ")
+        for code, phrases in columns:
+            for phrase in filter(str.strip, phrases.split(",")):
+                found[code].add(phrase, name, value)
+    for id, quantity in catalogue().items():
+        for code, phrases in quantity.words.items():
+            for phrase in set(phrases) - _OTHERWISE:
+                found[code].add(phrase, "N", id)
+    for head, columns in _rows("nouns"):
+        for code, words in columns:
+            for place, word in enumerate(words.split()):
+                for form in {word, without_accents(word) if len(word) > EXACT else word}:
+                    concepts = found[code].nouns[form]
+                    concepts.insert(0 if place == 0 else len(concepts), head)
+                if "*" not in word:
+                    found[code].words.add(word)
+    return found
 
 
 @cache
-def language(code: str) -> Language:
-    """Return the words of one of `LANGUAGES`."""
-    said = _read(code)
-    words = said["words"].items()
-    turned = {phrase: tuple(word.split()) for word, of in words for phrase in _split_phrases(of)}
-    return Language(turned, tuple(said["endings"].split()), bool(said.get("compounds", False)))
+def kinds() -> Mapping[str, frozenset[str]]:
+    """Return the English members of each class of objects."""
+    text = files("palpate.planning.request").joinpath("words", "nouns.txt").read_text("utf-8")
+    rows = re.findall(r"^(=\w+):([\w ]+)", text, re.MULTILINE)
+    return {head: frozenset(members.split()) for head, members in rows}
 
 
-def longest(table: Iterable[Phrase]) -> int:
-    """Number of words of the longest phrase."""
-    return max(map(len, table), default=0)
+def _rows(name: str) -> Iterator[tuple[str, list[tuple[str, str]]]]:
+    """Yield the head of each row of a word list, and its columns by language.
 
-
-def _words(text: str) -> Words:
-    return frozenset(text.split())
-
-
-def _by_word(labelled: Mapping[str, str]) -> dict[str, str]:
-    """Map each word to its label."""
-    return {word: label for label, words in labelled.items() for word in words.split()}
-
-
-def _split_phrases(phrases: str) -> list[Phrase]:
-    """Split phrases at commas; § stands for a literal comma."""
-    found = [tuple(phrase.split()) for phrase in phrases.split(",")]
-    return [tuple(word.replace("§", ",") for word in phrase) for phrase in found if phrase]
-
-
-def _read(code: str) -> dict[str, Any]:
-    file = files("palpate.planning.request").joinpath("words", f"{code}.yaml")
-    return plain_yaml(file.read_text(encoding="utf-8"), f"words of '{code}'")
+    The head of nouns is the first English word, with a mark: `+red`, `=container`.
+    """
+    text = files("palpate.planning.request").joinpath("words", f"{name}.txt")
+    for line in text.read_text(encoding="utf-8").splitlines():
+        if line and not line.startswith("#"):
+            first, *others = line.split("|")
+            head, colon, listed = first.rpartition(":")
+            if not colon:
+                head = first.split()[0]
+                listed = first.lstrip("+")
+            elif head.startswith("="):
+                listed = head[1:]
+            yield head, list(zip(LANGUAGES, (listed, *others), strict=True))
 
 
 # Tokens, inflected forms, and spelling.
 
-
-_APART = (
+_EXPANSIONS = (
     (r"\bcan'?t\b|\bcannot\b", "can not"),
     (r"\bwon't\b", "will not"),
     (r"n't\b", " not"),
@@ -132,259 +169,126 @@ _APART = (
     (r"'ve\b", " have"),
     (r"'ll\b", " will"),
     (r"'d\b", " would"),
+    (r"\b(table|bench|desk|counter)[ -]?top\b", r"\1"),
+    (r"\b(what|who|where|there|here|how|it|that)'s\b|\b(what)s\b", r"\1\2 is"),
     (r"\blet's\b", "let us"),
-    (r"\b(what|who|where|there|here|how|it|that)'s\b", r"\1 is"),
-    (r"[&+]", " and "),
-    (r"(?<!\S)\(?[\da-h] ?\) ", " ; "),
+    (r"[&+](?!/|-)", " and "),
+    (r"(?<!\S)\(?[\da-h] ?\) |(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+", " ; "),
 )
-"""Expansions of contractions."""
-
-_MASSES = r"kg|kilos?|kilogram(?:me)?s?|g|gram(?:me)?s?|mg|lbs?|pounds?|oz|ounces?"
-_UNITS = r"[mck]?m|(?:milli|centi)?met(?:re|er)s?|inch(?:es)?|n|newtons?|n/mm?|%|percent|degrees?"
+"""Expansions of English contractions, and marks of list items."""
+_UNITS = (
+    r"kg|kilogr?am(?:me|m|mi|mo|os|o)?s?|kilos?|chil[io]|chilogramm[io]|g|gr|gram(?:me|m|mi|mo|os|o)?s?|mg|"
+    r"lbs?|pounds?|oz|ounces?|[mckµu]?m|(?:milli|centi)?met(?:re|er|ri|ro|ros)s?|n/mm?|n|%|percent|degrees?|°"
+)
 _AMOUNT = re.compile(
-    rf"\b\d+(?:[.,]\d+)? *(?:{_MASSES}|{_UNITS})(?!\w)|"
-    rf"\b(?:(?:half )?an?|one|two|three|five|ten) (?=\w{{4}})(?:{_MASSES}|{_UNITS})(?!\w)"
+    rf"(?P<width>±|\+/-|\+-)? *\b(?P<number>\d+(?:[.,]\d+)?|half an?|(?:ein(?:e[mns]?)? )?halbes|un demi|"
+    rf"mezzo|medio|(?:an?|one|two|three|four|five|ten|ein|un|une)(?= \w{{4}})) *-?(?P<unit>{_UNITS})(?!\w)"
 )
 """Number, or its word, with a unit."""
+NUMBERS = {
+    **dict.fromkeys(
+        ("half a", "half an", "halbes", "ein halbes", "un demi", "mezzo", "medio"), "0.5"
+    ),
+    **dict.fromkeys(("a", "an", "one", "ein", "un", "une"), "1"),
+    "two": "2",
+    "three": "3",
+    "four": "4",
+    "five": "5",
+    "ten": "10",
+}
+_SPELT = (
+    (r"kilo.*|chil.*", "kg"),
+    (r"gr.*", "g"),
+    (r"millimet.*", "mm"),
+    (r"centimet.*", "cm"),
+    (r"met.*", "m"),
+    (r"µm", "um"),
+    (r"n/m", "N/m"),
+    (r"n/mm", "kN/m"),
+)
+
+
+def amount(text: str) -> str:
+    """Return an amount of a request as a number and a unit: "0.5 kg" for "half a kilo"."""
+    found = _AMOUNT.search(text)
+    assert found is not None
+    unit = found["unit"]
+    for pattern, spelt in _SPELT:
+        if re.fullmatch(pattern, unit):
+            unit = spelt
+            break
+    return f"{NUMBERS.get(found['number'], found['number']).replace(',', '.')} {unit}"
+
+
+def is_weight(text: str) -> bool:
+    """True for an amount in a unit of mass."""
+    return bool(text) and amount(text.replace("~", " ")).endswith(("g", "lb", "lbs", "oz"))
 
 
 def tokens(request: str) -> list[str]:
-    """Split a lower-case request into tokens.
+    """Split a request into lower-case words, `'s`, punctuation, and amounts as `§400 g`.
 
-    Tokens are words, `'s`, separating punctuation, and §amount for a number with its unit.
     Identifiers (`light_blue_box`, `bottle.mass`) are split into words.
     """
-    # Expand contractions first, because they contain apostrophes.
-    text = re.sub(r"\s+", " ", request)
-    for pattern, apart in _APART:
-        text = re.sub(pattern, apart, text)
-    # Amounts become one token before punctuation is split.
-    text = _AMOUNT.sub(" §amount ", text)
-    # Split identifiers at underscores, hyphens and inner points.
-    text = re.sub(r"[_\-]+", " ", text)
+    text = request.lower().replace("’", "'").replace("§", " ")
+    for pattern, by in _EXPANSIONS:
+        text = re.sub(pattern, by, text)
+    # An amount becomes one token, before points and commas separate.
+    text = _AMOUNT.sub(lambda found: f" §{found[0].strip().replace(' ', '~')} ", text)
     text = re.sub(r"(\w\.\w+)(?=\s\w+\.\w)", r"\1 ,", text)  # "bottle.mass table.height"
-    text = re.sub(r"\.(?=\S)|/", " ", text)
-    return re.findall(r"§\w+|'s\b|\w+|[,;:.?!]", text)
+    text = re.sub(
+        r"§\S+|(?<=[^\W\d_])\.(?=[^\W\d_])|(?<=[^\W_])[_\-/](?=[^\W_])", _keep_amount, text
+    )
+    found = re.findall(r"§\S+|'s\b|[^\W_]+|[,;:.?!–—-]", text)
+    return ["," if token in "–—-" else token for token in found]
 
 
-def sentences(tokens: Sequence[str]) -> Iterator[list[str]]:
-    """Yield each sentence; a question keeps its mark."""
-    sentence: list[str] = []
-    for token in [*tokens, "."]:
-        if token == "?" and sentence:
-            sentence.append(token)
-        if token not in ".;?!":
-            sentence.append(token)
-        elif sentence:
-            yield sentence
-            sentence = []
+def _keep_amount(found: re.Match[str]) -> str:
+    return found[0] if found[0][0] == "§" else " "
 
 
-def name_words(name: str) -> tuple[str, ...]:
-    """Split a body name into words: `light_blue_box`, `LightBlueBox` and `light-blue box` are
-    equal.
-    """
-    return tuple(re.findall(r"[^\W_]+", re.sub(r"(?<=[a-z0-9])(?=[A-Z])", " ", name).lower()))
-
-
-_FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
-"""Suffixes of model names without a meaning."""
-_BEFORE = re.compile(r"(?=.*[aeiouy])\w{3,}")
-"""Valid prefixes of compound nouns: `work` of `bench`, but not `sp` of `ring`."""
-
-
-def is_further(word: str) -> bool:
-    """True for a part of a name without a meaning: `main`, `1`, `a`."""
-    return len(word) == 1 or bool(_FURTHER.fullmatch(word))
-
-
-def is_within(word: str, name: str) -> bool:
-    """True if a noun of at least three letters is the head of a compound name: `workbench`,
-    `hammerbody`.
-    """
-    if len(word) < 3 or word == name:
-        return False
-    # The noun first with a meaningless suffix, or last in a compound.
-    if name.startswith(word) and _FURTHER.fullmatch(name.removeprefix(word)):
-        return True
-    return name.endswith(word) and bool(_BEFORE.fullmatch(name.removesuffix(word)))
+def without_accents(word: str) -> str:
+    """Remove the accents of a word."""
+    apart = unicodedata.normalize("NFD", word.replace("ß", "ss").replace("œ", "oe"))
+    return "".join(letter for letter in apart if not unicodedata.combining(letter))
 
 
 def singulars(word: str) -> tuple[str, ...]:
-    """Return possible singulars of `word`, itself first."""
+    """Return possible singulars of `word` in any language, itself first."""
     forms = [word]
-    # Plural endings: -ies, -ves, -es, -s.
-    if word.endswith("ies"):
-        forms.append(word[:-3] + "y")
-    if word.endswith("ves"):
-        forms += [word[:-3] + "f", word[:-3] + "fe"]
-    if word.endswith("es"):
-        forms.append(word[:-2])
-    if word.endswith("s") and not word.endswith("ss"):
-        forms.append(word[:-1])
-    return tuple(forms)
-
-
-def lemmas(word: str) -> tuple[str, ...]:
-    """Return possible base forms of `word`, itself first: "slide" for "sliding"."""
-    found = [word]
-    for ending in ("ing", "es", "ed", "s"):
+    endings = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""), ("x", ""))
+    endings += (("en", ""), ("n", ""), ("er", ""), ("em", ""), ("e", ""), ("ces", "z"))
+    endings += (("e", "a"), ("i", "o"), ("i", "e"), ("che", "ca"), ("chi", "co"), ("ghe", "ga"))
+    for ending, by in endings:
         stem = word.removesuffix(ending)
-        if stem == word or len(stem) < 2:
-            continue
-        # Also undo the final e, a doubled consonant, and y to i.
-        found += [stem, stem + "e"]
-        if stem[-1] == stem[-2]:
-            found.append(stem[:-1])
-        if stem.endswith("i"):
-            found.append(stem[:-1] + "y")
-    return tuple(found)
+        if stem != word and len(stem) > 1 and not (ending == "s" and stem.endswith("s")):
+            forms.append(stem + by)
+    return tuple(dict.fromkeys(forms))
 
 
-NEAR = 0.82
-"""Ratio. Minimum similarity of letters in order. Misspellings keep the first letter, so "cable" is
-not "table".
-"""
+def english_singulars(word: str) -> tuple[str, ...]:
+    """Return possible English singulars of `word`, itself first."""
+    return singulars(word)[
+        : 1 + sum(word.endswith(end) for end in ("ies", "ves", "ves", "es", "s"))
+    ]
 
 
 def nearest_spelling(word: str, known: Collection[str]) -> str | None:
     """Return the known word that `word` misspells; None without one."""
-    if not word.isalpha() or len(word) < 3:
+    if not word.isalpha() or len(word) < EXACT:
         return None
     # Candidates have the same first letter and a similar length; swapped letters come first.
     like = [other for other in known if other[0] == word[0] and abs(len(other) - len(word)) <= 2]
-    swapped = [other for other in like if len(word) > 3 and sorted(other) == sorted(word)]
-    found = swapped or get_close_matches(word, like, 2, NEAR)
+    swapped = [other for other in like if len(word) > EXACT and sorted(other) == sorted(word)]
+    found = sorted(swapped) or get_close_matches(word, sorted(like), 2, NEAR)
     return found[0] if found else None
 
 
-# Translation of a request, word by word into English.
-
-
-_BULLET = re.compile(r"(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+")
-"""Start of a list item."""
-
-Names = frozenset[str]
-"""Words of body names, which are never translated."""
-
-
-def in_english(request: str, names: Names, code: str | None) -> str:
-    """Translate a request from the language `code` to English, in lower case."""
-    text = _plain(request)
-    if code is not None:
-        text = " ".join(_translate(_split_words(text), _glossary(code), names, language(code)))
-        text = re.sub(r" , (?=(?:how|what|which|where|that|whether|if)\b)", " ", text)
-    apart = re.findall(r"[\w'.,±]*[\w'±]|[^\w\s]", text)
-    return " ".join(_translate(apart, english().turned, names))
-
-
-def colours(code: str | None) -> frozenset[str]:
-    """Return the colour words of a language and of English."""
-    known = english().sets["colours"]
-    turned = language(code).turned.items() if code else ()
-    return known.union(phrase[0] for phrase, said in turned if not known.isdisjoint(said))
-
-
-def spoken(request: str) -> str | None:
-    """Return the language with the most known words; None for English."""
-    words = _split_words(_plain(request))
-    # English wins ties, because a language must exceed its count.
-    best, most = None, sum(word in _english() for word in words)
-    # Count the known words in each language.
-    for code in LANGUAGES:
-        known = {word for phrase in _glossary(code) for word in phrase}
-        count = sum(word in known for word in words)
-        if count > most:
-            best, most = code, count
-    return best
-
-
-@cache
-def _english() -> set[str]:
-    """Return the common words of English requests."""
-    said = english()
-    synonyms = [phrase for quantity in catalogue().values() for phrase in quantity.words["en"]]
-    known = {word for phrase in (*said.classes, *map(str.split, synonyms)) for word in phrase}
-    return known.union(*(said.sets[name] for name in ("frame", "small", "adjectives")))
-
-
-def _plain(request: str) -> str:
-    return _BULLET.sub(" ; ", request).lower().replace("’", "'").replace("§", " ")
-
-
-def _split_words(text: str) -> list[str]:
-    """Split a text into words and punctuation; a word with an apostrophe becomes two."""
-    return re.findall(r"\d+[.,]\d+|\w+|[,;:.?!]", text)
-
-
-@cache
-def _glossary(code: str) -> dict[Phrase, Phrase]:
-    """Return the words of a language, including the quantities of the catalogue."""
-    # The catalogue's phrases take precedence over those of the language.
-    glossary = dict(language(code).turned)
-    for quantity in catalogue().values():
-        for phrase in quantity.words.get(code, ()):
-            glossary[tuple(phrase.split())] = tuple(quantity.words["en"][0].split())
-    return glossary
-
-
-def _translate(
-    words: Sequence[str],
-    glossary: Mapping[Phrase, Phrase],
-    names: Names,
-    spoken: Language | None = None,
-) -> Iterator[str]:
-    """Replace the longest phrases of the glossary; keep all other words."""
-    at, most = 0, longest(glossary)
-    while at < len(words):
-        # A word may be the head of a compound name and stays then: "Tisch" for "schreibtisch".
-        compound = spoken is not None and spoken.compounds and len(words[at]) > 3
-        lengths = range(min(most, len(words) - at), 0, -1)
-        if compound and any(is_within(words[at], name) for name in names):
-            lengths = range(0)
-        # Longest phrase first; names of bodies are never replaced.
-        for length in lengths:
-            phrase = tuple(words[at : at + length])
-            if phrase in glossary and names.isdisjoint([*phrase, _bare(words[at])]):
-                yield from glossary[phrase]
-                at += length
-                break
-        else:
-            yield from _base_form(words[at], glossary, names, spoken) if lengths else (words[at],)
-            at += 1
-
-
-def _base_form(
-    word: str, glossary: Mapping[Phrase, Phrase], names: Names, spoken: Language | None
-) -> Phrase:
-    """Translate a word by its stem, or in parts as a compound noun."""
-    if spoken is None or word in names:
-        return (word,)
-    if _bare(word) in names:
-        return (_bare(word),)
-    for stem in _stems(word, spoken):
-        # A plural of a name in a language without compounds gets the English plural.
-        if stem in names:
-            return (stem if spoken.compounds else stem + "s",)
-        if (stem,) in glossary:
-            return glossary[stem,]
-    # Split a compound noun where both parts are known.
-    for at in range(3, len(word) - 3) if spoken.compounds else ():
-        tail = glossary.get((word[at:],))
-        for stem in (word[:at], *_stems(word[:at], spoken)) if tail else ():
-            if stem in names or (len(stem) > 3 and (stem,) in glossary):
-                return (*((stem,) if stem in names else glossary[stem,]), *(tail or ()))
-    return (word,)
-
-
-def _bare(word: str) -> str:
-    """Remove the accents of a word, as in body names."""
-    # Decompose accented letters and drop the combining marks.
-    apart = unicodedata.normalize("NFD", word)
-    return "".join(letter for letter in apart if not unicodedata.combining(letter))
-
-
-def _stems(word: str, spoken: Language) -> Iterator[str]:
-    for ending in spoken.endings:
-        if word.endswith(ending) and len(word) > len(ending) + 2:
-            yield word.removesuffix(ending)
+def spoken(words: Sequence[str], names: Collection[str]) -> str:
+    """Return the language that knows most of the words; names of bodies do not count."""
+    counts: dict[str, int] = dict.fromkeys(LANGUAGES, 0)
+    for at, word in enumerate(words):
+        if word.isalpha() and word not in names:
+            for code, language in languages().items():
+                counts[code] += bool(language.match(words, at)[0] or language.concepts(word))
+    return max(LANGUAGES, key=lambda code: counts[code])
