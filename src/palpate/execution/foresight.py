@@ -3,8 +3,8 @@
 Effects of primitives are purely geometric. In physics, closing fingers centre an object, a dragged object
 lags behind, and a released object settles. The rehearsal compares the believed poses with the simulated
 ones after each motion, and corrects the symbolic state. The run applies the same corrections. It stops if
-the fingers' width differs from the rehearsal, or if the weight is far from the rehearsed ones. Later
-motions would not be rehearsed.
+the fingers' width differs from the rehearsal, or if the weight contradicts the one that the scene states.
+Later motions would not be rehearsed. An unknown weight contradicts nothing: payload, torques and slip limit it.
 """
 
 from __future__ import annotations
@@ -28,8 +28,8 @@ NOTICED = 1e-3
 TURNED = 0.02  # rad, least difference of attitudes that is corrected
 OTHER_WIDTH = 0.005  # m, largest difference of the fingers' widths in rehearsal and run, plus a seen object's doubt
 FARTHEST = 0.1  # m, largest valid shift of an object in a stored rehearsal
-# Factor on the rehearsed weights, and margin in N: largest difference of a weight in the run. The
-# factor is that of the priors of masses. The margin is due to joint friction.
+# Factor on a stated weight, and least margin in N: largest difference of a weight in the run. The
+# margin is at least the error of the measured weight, which joint friction causes.
 OTHER_WEIGHT, UNSURE = 3.0, 3.0
 
 
@@ -86,9 +86,12 @@ class Foresight:
         doubt = 2.0 * (body.accuracy or 0.0) if body.seen else 0.0
         if abs(width - rehearsed) > OTHER_WIDTH + doubt:
             return f"the fingers hold '{name}' at {1e3 * width:.0f} mm, and {1e3 * rehearsed:.0f} mm then"
-        # By the weight: outside the range of all rehearsed worlds, with margins.
+        # By the weight, if the scene states it: outside of the rehearsed range, with margins.
+        if "mass" not in body.known:
+            return None
         least, most = self.weights.get(name, (0.0, float("inf")))
-        low, high = least / OTHER_WEIGHT - UNSURE, most * OTHER_WEIGHT + UNSURE
+        margin = max(UNSURE, load.error)
+        low, high = least / OTHER_WEIGHT - margin, most * OTHER_WEIGHT + margin
         if load.hanging is None or low <= load.weight <= high:
             return None
         return (

@@ -45,6 +45,7 @@ class FingerLoad:
     moment: float | None = None  # N m about the closing direction then
     doubt: Doubt = SURELY  # standard deviations of the moment
     rough: float = ROUGHEST  # upper bound of the support's friction, by slides so far
+    error: float = 0.0  # N, largest error of the weight in `hanging`, from friction in the joints
     # N, upper bound of the weight by an estimate of the mass. With a folded arm, joint friction
     # biases the weight in `hanging` by newtons.
     heaviest: float = math.inf
@@ -58,9 +59,15 @@ class FingerLoad:
         sideways = float(np.linalg.norm(wrench[:2] - self.hanging[:2]))
         return replace(self, rough=min(ROUGHEST, BREAKAWAY * sideways / normal))
 
-    def hung(self, wrench: Array, tool: Pose, doubt: Doubt = SURELY) -> FingerLoad:
-        """Update by the wrench (6,) at rest with the object hanging free from the hand at `tool`."""
-        return replace(self, hanging=wrench, moment=_moment(wrench, tool), doubt=doubt)
+    def hung(
+        self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, error: float = 0.0
+    ) -> FingerLoad:
+        """Update by the wrench (6,) at rest with the object hanging free from the hand at `tool`.
+
+        `error`, N, is the largest error of the force.
+        """
+        moment = _moment(wrench, tool)
+        return replace(self, hanging=wrench, moment=moment, doubt=doubt, error=error)
 
     def turned(
         self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, unrepeated: float = 0.0

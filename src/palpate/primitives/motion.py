@@ -54,7 +54,7 @@ from palpate.primitives.state import (
     Violation,
     pose_of_joints,
 )
-from palpate.robots.pace import configuration, doubt
+from palpate.robots.pace import configuration, doubt, mistaken_weight
 from palpate.robots.safety import Expectation
 from palpate.scene.load import untouchable_reason
 from palpate.trace.recording import pose_name
@@ -340,7 +340,8 @@ def _weigh(blackboard: Blackboard) -> Wait:
     unsure = doubt(scene.arm, here.q, here.tau, closing)
     if reason := blackboard.load.turned(wrench, tool, unsure):
         raise LeafFailure(f"'{name}' does not stay as it was grasped, {reason}")
-    blackboard.load = blackboard.load.hung(wrench, tool, unsure)
+    error = mistaken_weight(scene.arm, here.q, scene.pose_world_base.rotation.T @ [0.0, 0.0, 1.0])
+    blackboard.load = blackboard.load.hung(wrench, tool, unsure, error)
     weight, payload = blackboard.load.weight, robot.limits.payload
     if weight > payload * robot.gravity + UNFELT:
         raise LeafFailure(

@@ -253,6 +253,13 @@ def mistaken_force(arm: RobotDescription, q: Array) -> float:
     return unexplained_torque(arm) * float(np.linalg.norm(_unit_wrenches(arm, q)[:3], 2))
 
 
+def mistaken_weight(arm: RobotDescription, q: Array, up: Array) -> float:
+    """Compute the largest force along the unit `up` (3,), N, that `unexplained_torque` can imitate at joint
+    angles `q` (7,), rad.
+    """
+    return unexplained_torque(arm) * float(np.linalg.norm(up @ _unit_wrenches(arm, q)[:3]))
+
+
 def mistaken_moment(arm: RobotDescription, q: Array) -> float:
     """Compute the largest moment about the TCP, N m, that `unexplained_torque` can imitate at joint angles `q`
     (7,), rad.

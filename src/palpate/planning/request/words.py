@@ -100,13 +100,18 @@ def _agrees(word: str, form: str) -> bool:
     """True if a word is the form of an entry; longer words may lack their accents."""
     if form.endswith("*"):
         bare = without_accents(form[:-1]) if len(form) > EXACT + 1 else form[:-1]
-        return word.startswith(form[:-1]) or word.startswith(bare)
+        return word.startswith((form[:-1], bare))
     return word == form or (len(word) > EXACT and word == without_accents(form))
 
 
-@cache
 def languages() -> Mapping[str, Language]:
-    """Return the word lists of all languages.
+    """Return the word lists of all languages, with the names of all installed quantities."""
+    return _languages(tuple(catalogue()))
+
+
+@cache
+def _languages(ids: tuple[str, ...]) -> Mapping[str, Language]:
+    """Return the word lists, with the names of these quantities.
 
     `words/classes.txt` has the phrases, the catalogue the names of quantities, and
     `words/nouns.txt` the nouns.
@@ -117,8 +122,8 @@ def languages() -> Mapping[str, Language]:
         for code, phrases in columns:
             for phrase in filter(str.strip, phrases.split(",")):
                 found[code].add(phrase, name, value)
-    for id, quantity in catalogue().items():
-        for code, phrases in quantity.words.items():
+    for id in ids:
+        for code, phrases in catalogue()[id].words.items():
             for phrase in set(phrases) - _OTHERWISE:
                 found[code].add(phrase, "N", id)
     for head, columns in _rows("nouns"):
