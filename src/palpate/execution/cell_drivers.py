@@ -32,11 +32,9 @@ class FrankyCell(Cell):
 
     @property
     def description(self) -> str:
-        """See `Cell`."""
         return f"Franka at {self.address}"
 
     def robot(self) -> FrankyRobot:
-        """See `Cell`."""
         from palpate.robots.franky.robot import FrankyRobot
         from palpate.robots.franky.session import FrankySession
 
@@ -52,7 +50,6 @@ class FrankyCell(Cell):
             raise
 
     def recover(self) -> None:
-        """See `Recoverable`."""
         clear(self.address)
 
 

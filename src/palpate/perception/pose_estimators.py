@@ -6,7 +6,6 @@ import base64
 import io
 import json
 import os
-import selectors
 import shlex
 import signal
 import subprocess
@@ -79,15 +78,20 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
             )
         except OSError as error:
             raise InputError(f"{_WHO} '{words[0][:100]}': {error.strerror}") from None
+        output, until = process.stdout, time.monotonic() + seconds
+        assert output is not None
         try:
-            answer, ended = _output(process, time.monotonic() + seconds)
+            # Read no more than the limit, and do not wait for a process with too much output.
+            answer = Call(lambda: output.read(MAX_ANSWER + 1), "pose estimator").result(seconds)
+            if len(answer) <= MAX_ANSWER:
+                process.wait(max(0.0, until - time.monotonic()))
+        except (Late, subprocess.TimeoutExpired):
+            raise Unavailable(f"{_WHO} does not answer within {seconds:g} s") from None
         finally:
             # Kill the process group, including all child processes.
             with suppress(ProcessLookupError):
                 os.killpg(process.pid, signal.SIGKILL)
             process.wait()
-        if not ended:
-            raise Unavailable(f"{_WHO} does not answer within {seconds:g} s")
         # Quote the last line of the error output.
         if process.returncode != 0 and len(answer) <= MAX_ANSWER:
             said.seek(max(0, said.seek(0, os.SEEK_END) - MAX_WORDS))
@@ -96,33 +100,6 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
                 f"{_WHO} fails with status {process.returncode}: {last or 'silently'}"
             )
     return answer
-
-
-def _output(process: subprocess.Popen[bytes], until: float) -> tuple[bytes, bool]:
-    """Read the output of a process until it ends, grows too large, or time runs out.
-
-    Returns:
-        The output, up to slightly above the limit, and False after a timeout.
-    """
-    assert process.stdout is not None
-    # Read in parts, so that time and size limits apply at any point.
-    answer = bytearray()
-    with process.stdout, selectors.DefaultSelector() as waiting:
-        waiting.register(process.stdout, selectors.EVENT_READ)
-        while len(answer) <= MAX_ANSWER:
-            if not waiting.select(max(0.0, until - time.monotonic())):
-                return bytes(answer), False
-            part = os.read(process.stdout.fileno(), 65536)
-            if not part:
-                break
-            answer += part
-    try:
-        # Do not wait for a process with too much output.
-        if len(answer) <= MAX_ANSWER:
-            process.wait(max(0.0, until - time.monotonic()))
-    except subprocess.TimeoutExpired:
-        return bytes(answer), False
-    return bytes(answer), True
 
 
 def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
