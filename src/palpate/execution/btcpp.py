@@ -11,7 +11,7 @@ from xml.etree.ElementTree import Element, SubElement
 from palpate.common.errors import InputError
 from palpate.planning.plan import Node, Plan
 from palpate.primitives.base import Primitive
-from palpate.primitives.registry import Composite, Vocabulary
+from palpate.primitives.registry import Vocabulary
 
 TREE_ID = "Plan"
 BUFFER_TYPE = "palpate::Recording"
@@ -45,7 +45,8 @@ def tree_nodes_model(words: Vocabulary) -> str:
 
 def add_node(parent: Element, node: Node, words: Vocabulary) -> None:
     if node.type in words.composites:
-        element = add_composite(parent, words.composites[node.type])
+        fixed = dict(words.composites[node.type].btcpp)
+        element = SubElement(parent, fixed.pop("tag"), fixed)
     else:
         element = SubElement(parent, "Action", ID=node.type)
     if node.name:
@@ -56,11 +57,6 @@ def add_node(parent: Element, node: Node, words: Vocabulary) -> None:
         return
     for child in node.children:
         add_node(element, child, words)
-
-
-def add_composite(parent: Element, composite: Composite) -> Element:
-    fixed = dict(composite.btcpp)
-    return SubElement(parent, fixed.pop("tag"), fixed)
 
 
 def set_ports(element: Element, primitive: type[Primitive], args: Mapping[str, Any]) -> None:

@@ -136,15 +136,14 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     joints = [model.joint(i).name for i in range(model.njnt)]
     bodies = [model.body(i).name for i in range(1, model.nbody)]
     sites = [model.site(i).name for i in range(model.nsite)]
-    for name in (*sheet.joints, *sheet.hand.fingers):
-        if name not in joints:
-            raise unknown_name("joint", name, joints, f"It is named in {where}.")
-    if sheet.hand.body not in bodies:
-        raise unknown_name("body", sheet.hand.body, bodies, f"It is named in {where}.")
-    if isinstance(sheet.hand.tcp, str) and sheet.hand.tcp not in sites:
-        raise unknown_name("site", sheet.hand.tcp, sites, f"It is named in {where}.")
+    moving, tcp = (*sheet.joints, *sheet.hand.fingers), sheet.hand.tcp
+    named = [("joint", name, joints) for name in moving]
+    named += [("body", sheet.hand.body, bodies)]
+    named += [("site", tcp, sites)] if isinstance(tcp, str) else []
+    for kind, name, known in named:
+        if name not in known:
+            raise unknown_name(kind, name, known, f"It is named in {where}.")
     # No other joints exist, and joints have the right types.
-    moving = (*sheet.joints, *sheet.hand.fingers)
     others = [name for name in joints if name not in moving]
     if others:
         raise InputError(f"{where}: nothing else may move, but {', '.join(others)} does")
@@ -493,12 +492,9 @@ def set_hand_mass(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) 
 
 def reflexes(sheet: ReflexSheet, payload: float) -> Reflexes:
     """Build the reflexes. With a load on the hand they allow for the weight of the payload, kg."""
-    weight = payload * STANDARD_GRAVITY
+    loads = {"carrying": payload * STANDARD_GRAVITY, "contact": payload * STANDARD_GRAVITY}
     return Reflexes(
-        free=Reflex(sheet.free.force, sheet.free.torque),
-        carrying=Reflex(sheet.carrying.force, sheet.carrying.torque, weight),
-        probing=Reflex(sheet.probing.force, sheet.probing.torque),
-        contact=Reflex(sheet.contact.force, sheet.contact.torque, weight),
+        **{name: Reflex(one.force, one.torque, loads.get(name, 0.0)) for name, one in sheet}
     )
 
 

@@ -304,27 +304,23 @@ def events(trace: Trace) -> list[Message]:
         about = {"node": leaf.node, "primitive": leaf.primitive, "label": leaf.label}
         ended = {**about, "event": leaf.status, "message": leaf.message}
         found.append(text(leaf.start, "/step", leaf.label))
-        found.append(json_text(leaf.start, "/leaves", {**about, "event": "start"}))
-        found.append(json_text(leaf.end, "/leaves", ended))
+        found.append(text(leaf.start, "/leaves", {**about, "event": "start"}))
+        found.append(text(leaf.end, "/leaves", ended))
         found.append(log_entry(leaf))
     for recording in trace.recordings:
         # A recording has a message at its start and one at its end.
         content = asdict(recording)
-        found.append(json_text(recording.start, "/recordings", {"event": "start", **content}))
-        found.append(json_text(recording.end, "/recordings", {"event": "end", **content}))
+        found.append(text(recording.start, "/recordings", {"event": "start", **content}))
+        found.append(text(recording.end, "/recordings", {"event": "end", **content}))
     for conversion in trace.conversions:
-        found.append(json_text(conversion.time, "/conversions", asdict(conversion)))
+        found.append(text(conversion.time, "/conversions", asdict(conversion)))
     return found
 
 
-def text(t: float, topic: str, content: str) -> Message:
-    """Make a `std_msgs/String` at `t`, s."""
-    return message(t, topic, "std_msgs/String", Layout().text(content))
-
-
-def json_text(t: float, topic: str, content: dict[str, Any]) -> Message:
-    """Make a `std_msgs/String` with JSON at `t`, s."""
-    return text(t, topic, json.dumps(content, ensure_ascii=False))
+def text(t: float, topic: str, content: str | dict[str, Any]) -> Message:
+    """Make a `std_msgs/String` at `t`, s, with JSON if the content is no text."""
+    words = content if isinstance(content, str) else json.dumps(content, ensure_ascii=False)
+    return message(t, topic, "std_msgs/String", Layout().text(words))
 
 
 def log_entry(leaf: LeafRun) -> Message:

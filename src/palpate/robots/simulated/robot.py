@@ -131,11 +131,6 @@ class MujocoRobot(Commanded):
         return self._world
 
     @property
-    def sensors(self) -> Sensors:
-        """The joint torque sensors: for recordings at 1 kHz."""
-        return self._sensors
-
-    @property
     def state(self) -> RobotState:
         """State as of the last `advance`."""
         if self._cached is None:
