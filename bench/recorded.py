@@ -25,7 +25,8 @@ def free_motion(noise: str, seed: int, seconds: float = 30.0, arm: str = "fr3") 
     """Record the simulated arm between random goals about its home pose, at 1 kHz."""
     described = load_description(arm)
     robot = MujocoRobot(mujoco.MjSpec(), Pose.of([0, 0, 0]), described, noise=noise, seed=seed)
-    robot.sensors.line.kept = ()
+    line = robot._sensors.line  # pyright: ignore[reportPrivateUsage]
+    line.kept = ()
     random, runs = np.random.default_rng(seed), list[Samples]()
     while robot.state.t < seconds:
         goal = described.home + REACH * random.uniform(-1, 1, 7)
@@ -35,7 +36,7 @@ def free_motion(noise: str, seed: int, seconds: float = 30.0, arm: str = "fr3") 
         robot.advance(REST)
         runs.append(robot.drain())
     samples = Samples.concatenate(runs)
-    tau = np.concatenate(robot.sensors.line.kept)
+    tau = np.concatenate(line.kept)
     # A logged sample is the mean of a period.
     middle = np.round(samples.t / PERIOD) * PERIOD - (BLOCK - 1) / 2 * TIMESTEP
     t = TIMESTEP * np.arange(1.0, len(tau) + 1)
