@@ -523,3 +523,31 @@ def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
             f"the fingers {', '.join(hand.fingers)} have no shape that collides: give 'hand.pads'"
         )
     return round(max(ends), 6)
+
+
+# Physics of a world that a robot needs.
+
+
+PLUMB = 0.01  # rad, largest inclination of gravity
+# Features of MuJoCo that a robot needs.
+NEEDED = (
+    *("gravity", "contact", "constraint", "equality", "limit"),
+    *("frictionloss", "actuation", "spring", "damper"),
+)
+
+
+def require_physics(option: mujoco.MjOption) -> None:
+    """Require gravity that points down, and the features of MuJoCo that a robot needs."""
+    x, y, z = option.gravity
+    if z >= 0 or max(abs(x), abs(y)) > -PLUMB * z:
+        raise InputError(
+            f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
+            '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
+        )
+    bits = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in NEEDED}
+    disabled = [name for name, bit in bits.items() if option.disableflags & bit]
+    if disabled:
+        raise InputError(
+            f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
+            "grasped and weighed; leave it enabled"
+        )

@@ -15,7 +15,7 @@ from palpate.mjcf.contacts import standing_contacts, tied_to
 from palpate.mjcf.document import Element, compiler_settings, has_unknown, label, tokens
 from palpate.mjcf.elements import copy_mark
 from palpate.mjcf.shapes import RESTING
-from palpate.robots.simulated.world import require_physics
+from palpate.robots.description import require_physics
 from palpate.scene.describe import AN_OBJECT
 from palpate.scene.places import reachable
 from palpate.scene.resolve import ResolvedScene

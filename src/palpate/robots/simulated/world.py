@@ -16,7 +16,12 @@ from mujoco.rollout import Rollout
 from palpate.common.errors import ExecutionAborted, InputError
 from palpate.common.pose import Array, Pose
 from palpate.mjcf.contacts import CCD_TOLERANCE
-from palpate.robots.description import PREFIX, RobotDescription, neighbours
+from palpate.robots.description import (
+    PREFIX,
+    RobotDescription,
+    neighbours,
+    require_physics,
+)
 from palpate.robots.simulated.actuators import (
     DRIVE,
     Actuators,
@@ -39,7 +44,6 @@ from palpate.robots.simulated.timing import (
 )
 
 FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
-LEVEL = 0.01  # rad, largest inclination of gravity
 # m/s: objects slower than this sleep, and cost no computing time until a moving object touches
 # them. A cylinder on its end trembles at about 5e-5 m/s for ever, by the rounding of its contacts.
 ASLEEP = 1e-4
@@ -47,11 +51,6 @@ PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
 SENSED = 10  # values of these sensors: 7 motor torques and the 3 components of the hand's force
 NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
-# Features of MuJoCo that a robot needs.
-NEEDED = (
-    *("gravity", "contact", "constraint", "equality", "limit"),
-    *("frictionloss", "actuation", "spring", "damper"),
-)
 
 
 class Steps(NamedTuple):
@@ -438,23 +437,6 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         type=mujoco.mjtSensor.mjSENS_CONTACT,
         intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FOUND), 0, 1),
     )
-
-
-def require_physics(option: mujoco.MjOption) -> None:
-    """Require gravity that points down, and the features of MuJoCo that a robot needs."""
-    x, y, z = option.gravity
-    if z >= 0 or max(abs(x), abs(y)) > -LEVEL * z:
-        raise InputError(
-            f"the world's gravity is ({x:g}, {y:g}, {z:g}) m/s²; it must point down, as in "
-            '<option gravity="0 0 -9.81"/>: released objects have to fall, and weighing needs a weight'
-        )
-    bits = {name: int(getattr(mujoco.mjtDisableBit, f"mjDSBL_{name.upper()}")) for name in NEEDED}
-    disabled = [name for name, bit in bits.items() if option.disableflags & bit]
-    if disabled:
-        raise InputError(
-            f"the world's <option><flag> disables {', '.join(disabled)}, without which nothing can be "
-            "grasped and weighed; leave it enabled"
-        )
 
 
 def run_of(first: int, count: int) -> slice:
