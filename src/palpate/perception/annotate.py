@@ -113,7 +113,6 @@ def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
     """Render a close-up of the objects from above, with names, axes and a grid, as PNG.
 
     Args:
-        world: the simulated world.
         names: believed position (3,) of each named body, m.
     """
     # Draw the grid into the scene, where objects occlude it.
@@ -190,8 +189,6 @@ def annotate(
     """Draw names, grid coordinates and axes into a picture.
 
     Args:
-        pixels: the picture.
-        camera: its camera.
         names: position (3,) of each name, m; positions below the ground are left out.
         ground: the visible part of the table.
         things: pixels that labels should leave free.

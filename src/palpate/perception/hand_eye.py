@@ -130,8 +130,6 @@ def with_tag(
     """Return the world with a tag on the hand or on the bench, with a random placement error.
 
     Args:
-        world: the world.
-        arm: the arm.
         number: number of the tag.
         side: side of its black square, m.
         seed: seed of the placement error.

@@ -37,7 +37,6 @@ def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
     """Forward kinematics with Jacobians by the kinematic errors.
 
     Args:
-        arm: the arm.
         q: (n, 7) configurations, rad.
 
     Returns:
@@ -76,7 +75,6 @@ def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
     """Covariance (6, 6) of the pose of a point on the hand, along the axes of the base.
 
     Args:
-        arm: the arm.
         q: (7,) configuration, rad.
         lever: (3,) vector from the TCP to the point, m, along the axes of the base.
     """

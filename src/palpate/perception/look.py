@@ -82,8 +82,6 @@ def outlines(
     Geoms behind the camera are left out.
 
     Args:
-        pixels: the picture.
-        scene: the scene.
         problem: the fitted problem, for the projection.
         camera: pose of the camera in OpenCV's frame.
         zoom: factor of the focal length.
@@ -203,7 +201,6 @@ def look(
     hand: at `hand`, else at its stated joints, else at home.
 
     Args:
-        scene: the scene.
         pictures: (height, width, 3) RGB pictures.
         lens: intrinsics of the camera.
         mount: prior of the camera pose.

@@ -158,7 +158,6 @@ def estimate_poses(
 
     Args:
         source: the command or URL.
-        scene: the scene.
         picture: (height, width, 3) RGB.
         lens: intrinsics of the camera.
         depth: (height, width) distances along the view, mm.

@@ -60,7 +60,6 @@ def build_stage(
     The room is added if the scene states it, or if the scene has neither floor nor light.
 
     Args:
-        spec: the scene.
         looks: looks of bodies; by default those stated in the scene.
         soft: soft shadows, which take twice the time of hard ones.
     """
