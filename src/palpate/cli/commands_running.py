@@ -7,6 +7,8 @@ from typing import Annotated
 import typer
 
 from palpate.cli.options import (
+    ASKED,
+    LOOK,
     MODEL,
     MOTION,
     PLANNER,
@@ -55,21 +57,7 @@ def demo(
 def run(
     scene: SceneArgument = None,
     *,
-    given: Annotated[
-        Given,
-        settings(
-            "request",
-            "measure",
-            "scene",
-            "images",
-            "camera",
-            "intrinsics",
-            "pose_estimator",
-            *SCENE,
-            *PLANNER,
-            *MOTION,
-        ),
-    ],
+    given: Annotated[Given, settings(*ASKED, *LOOK, *PLANNER, *MOTION)],
     live: LiveView = False,
     as_json: AsJson = False,
     yes: Yes = False,

@@ -8,6 +8,8 @@ from typing import Annotated
 import typer
 
 from palpate.cli.options import (
+    ASKED,
+    LOOK,
     MODEL,
     PLANNER,
     SCENE,
@@ -66,8 +68,6 @@ def gap(
 
 # Commands about plans. None moves a robot.
 
-ASKED = ("request", "measure", "scene", "images", *SCENE)
-
 
 def plan(
     scene: SceneArgument = None,
@@ -122,17 +122,7 @@ def vocabulary(
 
 # Commands about cameras: a look at the workspace, and tags to print.
 
-OF_LOOK = (
-    "scene",
-    "intrinsics",
-    "pose_estimator",
-    "poses",
-    "root",
-    "arm",
-    "robot_config",
-    "world",
-    "seed",
-)
+OF_LOOK = ("scene", *LOOK[1:], "poses", "root", "arm", "robot_config", "world", "seed")
 
 
 def see(

@@ -167,25 +167,21 @@ def figure_table(*headings: str, title: str | None = None, no_wrap: bool = False
 
 # Verbosity on stderr and log file, options of every command.
 
-Verbose = Annotated[
-    bool, typer.Option("--verbose", "-v", help="Say on stderr what goes on inside, too.")
-]
-Quiet = Annotated[
-    bool, typer.Option("--quiet", "-q", help="Show no progress; errors and results alone.")
-]
-Log = Annotated[
-    Path | None,
-    typer.Option("--log", metavar="FILE", help="Write progress and what goes on inside there."),
-]
-
 
 @dataclass(frozen=True)
 class Voice:
     """Options of verbosity and log file."""
 
-    verbose: Verbose = False
-    quiet: Quiet = False
-    log: Log = None
+    verbose: Annotated[
+        bool, typer.Option("--verbose", "-v", help="Say on stderr what goes on inside, too.")
+    ] = False
+    quiet: Annotated[
+        bool, typer.Option("--quiet", "-q", help="Show no progress; errors and results alone.")
+    ] = False
+    log: Annotated[
+        Path | None,
+        typer.Option("--log", metavar="FILE", help="Write progress and what goes on inside there."),
+    ] = None
 
     @contextmanager
     def heard(self) -> Generator[None]:

@@ -16,21 +16,12 @@ from palpate.runs.settings import Settings
 
 Given = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
 
+_DECLARED = tuple(iter_options(Settings))
 SCENE = ("poses", "root", "robot_body", "arm")
-MOTION = (
-    "cautious",
-    "robot_config",
-    "world",
-    "robot",
-    "noise",
-    "seed",
-    "rehearse",
-    "on_failure",
-    "out",
-    "twin",
-    "fast",
-)
-PLANNER = ("planner", "remeasure", "within")
+ASKED = ("request", "measure", "scene", "images", *SCENE)
+LOOK = ("camera", "intrinsics", "pose_estimator")
+MOTION = tuple(one.name for one in _DECLARED if one.option.panel == "Robot")
+PLANNER = tuple(one.name for one in _DECLARED if one.option.panel == "Planner")
 MODEL = "model_settings"  # All options of a model as planner
 
 SceneArgument = Annotated[
@@ -51,9 +42,6 @@ LiveView = Annotated[
     ),
 ]
 Yes = Annotated[bool, typer.Option("--yes", help="Do not ask before a real robot moves.")]
-
-
-_DECLARED = tuple(iter_options(Settings))
 
 
 @dataclass(frozen=True)

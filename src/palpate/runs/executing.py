@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import partial
 from typing import TYPE_CHECKING
@@ -27,8 +28,14 @@ from palpate.runs.workplace import footage_of, robot_of
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
     from palpate.execution.runner import Execution, Keep
+    from palpate.perception.lens import Lens, Mount
     from palpate.perception.look import Seen
+
+    # A picture with lens and mount of its camera, and perhaps with depth.
+    Shot = tuple[Lens, Mount | None, NDArray[np.uint8], NDArray[np.uint16] | None]
 
 
 # m: distance of an object from its believed position that is allowed in addition to the uncertainty
@@ -102,65 +109,52 @@ def watch_state(settled: Settled, see: See | None) -> Settled:
 
 def eye(made: Run, cell: Cell) -> See | None:
     """Make the looks of the settings' camera; None without one, and of a file, which shows nothing new."""
-    source = made.settings.camera
+    settings, source = made.settings, made.settings.camera
     if source is None:
         return None
-    from palpate.perception.cameras import PICTURES, VIDEOS
+    from palpate.perception.cameras import PICTURES, VIDEOS, Stream
+    from palpate.perception.look import look
 
     if source.lower().endswith((*PICTURES, *VIDEOS)):
         return None
-    if source.startswith(WORLD_CAMERA):
-        return _simulated_looks(source.removeprefix(WORLD_CAMERA), made, cell)
-    return _live(source, made)
-
-
-def _live(source: str, made: Run) -> See:
-    """Make the looks of a real camera, which streams from here on."""
-    from palpate.perception.cameras import Stream
-    from palpate.perception.look import look
-
-    # Open the stream once; every look takes its latest picture.
-    settings = made.settings
     estimator = settings.pose_estimator
-    stream = Stream(source, settings.intrinsics, estimator is not None)
+    # A real camera streams from here on; every look takes its latest picture.
+    if source.startswith(WORLD_CAMERA):
+        take = _simulated_pictures(source.removeprefix(WORLD_CAMERA), made, cell)
+    else:
+        stream = Stream(source, settings.intrinsics, estimator is not None)
+
+        def take() -> Shot:
+            return stream.lens, stream.mount, stream.latest(), stream.depth()
 
     def see() -> Seen | None:
-        lens, mount, pictures = stream.lens, stream.mount, [stream.latest()]
-        return _or_none(
-            lambda: look(made.scene, pictures, lens, mount, estimator, None, stream.depth())
-        )
+        lens, mount, picture, depth = take()
+        # The arm may hide everything that identifies a pose.
+        with suppress(InputError):
+            return look(made.scene, [picture], lens, mount, estimator, None, depth)
+        return None
 
     return see
 
 
-def _simulated_looks(name: str, made: Run, cell: Cell) -> See:
-    """Make the looks of a camera in the simulated world, arm included."""
-    from palpate.perception.look import look
+def _simulated_pictures(name: str, made: Run, cell: Cell) -> Callable[[], Shot]:
+    """Make the pictures of a camera in the simulated world, arm included."""
     from palpate.perception.rendered import SimulatedCamera
 
-    estimator, cameras = made.settings.pose_estimator, list[SimulatedCamera]()
+    settings, cameras = made.settings, list[SimulatedCamera]()
 
-    def see() -> Seen | None:
+    def take() -> Shot:
         # Render the picture from the latest state of the simulation.
         footage = cell.footage()
         assert footage is not None
         assert footage.spec is not None
         if not cameras:
-            cameras.append(SimulatedCamera(footage.spec, name, seed=made.settings.seed))
+            cameras.append(SimulatedCamera(footage.spec, name, seed=settings.seed))
         camera, qpos = cameras[0], footage.frames[-1][1]
-        pictures, depth = [camera.shoot(qpos)], None if estimator is None else camera.depth(qpos)
-        lens, mount = camera.lens, camera.mount
-        return _or_none(lambda: look(made.scene, pictures, lens, mount, estimator, None, depth))
+        depth = None if settings.pose_estimator is None else camera.depth(qpos)
+        return camera.lens, camera.mount, camera.shoot(qpos), depth
 
-    return see
-
-
-def _or_none(look: Callable[[], Seen]) -> Seen | None:
-    """Take a look; None where the arm hides everything that identifies a pose."""
-    try:
-        return look()
-    except InputError:
-        return None
+    return take
 
 
 def _is_away(state: SymbolicState) -> bool:
