@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import os
 import re
@@ -28,6 +27,7 @@ from palpate.common.processes import ignore_signals
 LARGEST = 1_000_000_000  # Bytes: size of the largest results file that is read
 
 Row = TypeVar("Row")
+_OBJECT = TypeAdapter(dict[str, Any])
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,7 +42,10 @@ class Lines:
             return []
         content = read_bytes(self.file, LARGEST, "results of a study")
         whole = content[: content.rfind(b"\n") + 1]
-        return [self._object(line) for line in whole.splitlines()]
+        try:
+            return [_OBJECT.validate_json(line) for line in whole.splitlines()]
+        except ValidationError:
+            raise self.other() from None
 
     def read_as(self, kind: type[Row]) -> list[Row]:
         """Read all complete lines as objects of a dataclass. Raises InputError: the file holds something else."""
@@ -77,15 +80,6 @@ class Lines:
         return InputError(
             f"'{self.file.name}' is not a results file of a study; choose another place with --out"
         )
-
-    def _object(self, line: bytes) -> dict[str, Any]:
-        try:
-            found = json.loads(line)
-        except ValueError:
-            raise self.other() from None
-        if not isinstance(found, dict):
-            raise self.other()
-        return cast("dict[str, Any]", found)
 
 
 def strict_json(content: Any) -> Any:
