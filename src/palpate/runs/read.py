@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -41,10 +42,12 @@ if TYPE_CHECKING:
 
 
 NOTHING = "<mujoco><worldbody/></mujoco>"  # Scene of a run without a scene file
-_ENDING, _HELD_OUT = TypeAdapter(Ending), TypeAdapter(HeldOut)
-_EVIDENCE, _TESTS = TypeAdapter(tuple[Recording, ...]), TypeAdapter(tuple[FitTest, ...])
-_PARTS, _SHARED = TypeAdapter(dict[str, FurtherValue]), TypeAdapter(tuple[Shared, ...])
-_TOUCHES = TypeAdapter(tuple[BeliefTouch, ...])
+
+
+@cache
+def _adapter(kind: Any) -> TypeAdapter[Any]:
+    """Pydantic's reader of a type, made when it is first used."""
+    return TypeAdapter(kind)
 
 
 def read_run(folder: Path, settings: Settings) -> Run:
@@ -144,7 +147,7 @@ def _ending(document: dict[str, Any] | None) -> Ending | None:
     if document is None:
         return None
     status = "complete" if document["stopped_by"] is None else "stopped"
-    return _ENDING.validate_python({**document, "status": status})
+    return _adapter(Ending).validate_python({**document, "status": status})
 
 
 def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
@@ -152,13 +155,13 @@ def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
     if document is None:
         return None
     motions = [motion | {"tests": _tests(motion["tests"])} for motion in document["motions"]]
-    return _HELD_OUT.validate_python({**document, "motions": motions})
+    return _adapter(HeldOut).validate_python({**document, "motions": motions})
 
 
 def _tests(rows: Sequence[Mapping[str, Any]]) -> tuple[FitTest, ...]:
     """Read tests of fit; null means a statistic that is not a number."""
     found = [{**row, "statistic": _or(row["statistic"], math.nan)} for row in rows]
-    return _TESTS.validate_python(found)
+    return _adapter(tuple[FitTest, ...]).validate_python(found)
 
 
 def _or(number: float | None, default: float) -> float:
@@ -178,11 +181,11 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         stds,
         _numbers(row["ci95"]),
         row["method"],
-        _EVIDENCE.validate_python(row.get("evidence", ())),
+        _adapter(tuple[Recording, ...]).validate_python(row.get("evidence", ())),
         row["verdict"],
-        parts=_PARTS.validate_python(row["components"]),
+        parts=_adapter(dict[str, FurtherValue]).validate_python(row["components"]),
         tests=_tests(row.get("tests", ())),
-        shared=_SHARED.validate_python(row.get("shared", ())),
+        shared=_adapter(tuple[Shared, ...]).validate_python(row.get("shared", ())),
         freedom=_or(row.get("freedom"), math.inf),
         unseen=tuple(row["unseen"]) if "unseen" in row else _unseen(row),
         reason=row.get("reason") or "",
@@ -199,7 +202,7 @@ def belief_from(row: Mapping[str, Any]) -> Belief:
         Pose.of(stood["pos"], stood["quat"]),
         Pose.of(both["pos"], both["quat"]),
         _numbers(both["covariance"]),
-        _TOUCHES.validate_python(row["touch"]),
+        _adapter(tuple[BeliefTouch, ...]).validate_python(row["touch"]),
     )
 
 
