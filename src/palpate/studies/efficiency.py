@@ -11,7 +11,7 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.robots.noise_levels import DEFAULT_LEVEL
-from palpate.runs.report.plots import MARK, NORM, Figure, figure_page
+from palpate.runs.report.plots import LEGEND, MARK, NORM, Figure, figure_page
 from palpate.studies.accuracy import SeedRun, run_seed
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 
@@ -204,7 +204,7 @@ def efficiency_figure(rows: Sequence[PlannerComparison]) -> Figure:
             "bargap": 0.3,
             "plot_bgcolor": "#fff",
             "font": {"family": "system-ui, sans-serif"},
-            "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+            "legend": LEGEND,
             "xaxis": {"domain": [0.0, 0.47], "automargin": True},
             "yaxis": {"title": {"text": "actions"}, **vertical},
             "xaxis2": {"domain": [0.53, 1.0], "automargin": True, "anchor": "y2"},

@@ -14,7 +14,7 @@ import numpy as np
 from scipy.special import bdtrik, betaincinv, ndtri
 
 from palpate.common.pose import Array
-from palpate.runs.report.plots import FAINT, MARK, NORM, Figure
+from palpate.runs.report.plots import FAINT, LEGEND, MARK, NORM, Figure
 from palpate.studies.accuracy import ScoredEstimate
 from palpate.studies.efficiency import Ranged
 from palpate.studies.summary import levels, shares
@@ -32,7 +32,7 @@ MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
 LARGE: Figure = {
     "height": 420,
     "showlegend": True,
-    "legend": {"orientation": "h", "y": 1.02, "yanchor": "bottom", "x": 0},
+    "legend": LEGEND,
 }
 
 

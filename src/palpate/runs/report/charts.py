@@ -14,7 +14,16 @@ from numpy.typing import NDArray
 from palpate.common.pose import Array
 from palpate.estimation.estimate import Z95, Estimate, FitView, round_to_std
 from palpate.runs.figures import figures
-from palpate.runs.report.plots import FAINT, MARK, NORM, Figure, decimate, pack_array
+from palpate.runs.report.plots import (
+    FAINT,
+    LEGEND,
+    MARK,
+    NORM,
+    Figure,
+    decimate,
+    pack_array,
+    scatter,
+)
 
 Truth = tuple[float, ...]  # True values of a simulated world, one for each component
 SMALL = {"kg": ("g", 1e3), "m": ("mm", 1e3)}  # Units in which errors are easier to read
@@ -133,13 +142,7 @@ def fit_figure(view: FitView, estimate: Estimate, truth: Truth | None) -> Figure
         "margin": {"l": 58, "r": 14, "t": 40, "b": 44},
         "hovermode": "closest",
         "dragmode": "zoom",
-        "legend": {
-            "orientation": "h",
-            "x": 0,
-            "y": 1.02,
-            "yanchor": "bottom",
-            "traceorder": "normal",
-        },
+        "legend": {**LEGEND, "traceorder": "normal"},
         "xaxis": {
             "title": {"text": escape(view.axes[0])},
             "anchor": "y2" if residuals else "y",
@@ -235,15 +238,7 @@ def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iter
 
 
 def _curve(name: str, x: Array, y: Array, **more: Any) -> Figure:
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "name": escape(name),
-        "x": pack_array(x),
-        "y": pack_array(y),
-        "hovertemplate": "%{x:.4g}: %{y:.4g}",
-        **more,
-    }
+    return scatter(escape(name), x, y, **({"hovertemplate": "%{x:.4g}: %{y:.4g}"} | more))
 
 
 def _line(name: str, x: Array, y: Array, axis: str, colour: str, width: float) -> Figure:

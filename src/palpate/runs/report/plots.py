@@ -36,6 +36,9 @@ FORCE_ROW, HEIGHT_ROW, LEAF_ROW = (0.56, 1.0), (0.17, 0.49), (0.0, 0.09)
 
 NARROWEST = 0.05  # s: least width of a leaf's bar, so that one without duration is visible
 
+# A legend in one line above the figure.
+LEGEND: Figure = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
+
 
 def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str, str]) -> Figure:
     """Force, height and leaves over robot time, on one shared axis.
@@ -68,7 +71,7 @@ def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str
             "height": 680,
             "margin": {"l": 58, "r": 14, "t": 84, "b": 44},
             "hovermode": "x unified",
-            "legend": {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"},
+            "legend": LEGEND,
             "uniformtext": {"mode": "hide", "minsize": 9},
             "bargap": 0.1,
             "dragmode": "zoom",
@@ -120,17 +123,14 @@ def decimate(t: Array, y: Array, limit: int = MAX_POINTS) -> tuple[Array, Array]
 
 
 def time_series(name: str, t: Array, y: Array, colour: str, axis: str = "y", **more: Any) -> Figure:
-    x, y = decimate(t, y)
-    return {
-        "type": "scatter",
-        "mode": "lines",
-        "name": name,
-        "x": pack_array(x),
-        "y": pack_array(y),
-        "yaxis": axis,
-        "line": {"color": colour, "width": 1.4},
-        **more,
-    }
+    line = {"color": colour, "width": 1.4}
+    return scatter(name, *decimate(t, y), **({"yaxis": axis, "line": line} | more))
+
+
+def scatter(name: str, x: Array, y: Array, **more: Any) -> Figure:
+    """A trace of plotly: by default a line."""
+    packed = {"x": pack_array(x), "y": pack_array(y)}
+    return {"type": "scatter", "mode": "lines", "name": name, **packed, **more}
 
 
 def pack_array(values: NDArray[Any]) -> dict[str, str]:
@@ -159,17 +159,8 @@ def contact_traces(trace: Trace) -> list[Figure]:
     # A contact ends its motion: draw it at the height of the fingertips then.
     times = np.array([leaf.end for leaf in touches])
     heights = np.interp(times, trace.samples.t, tip_height(trace.samples, trace.hand))
-    return [
-        {
-            "type": "scatter",
-            "mode": "markers",
-            "name": "contact",
-            "x": pack_array(times),
-            "y": pack_array(heights),
-            "yaxis": "y2",
-            "marker": {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}},
-        }
-    ]
+    mark = {"symbol": "circle-open", "size": 13, "color": MARK, "line": {"width": 2.5}}
+    return [scatter("contact", times, heights, mode="markers", yaxis="y2", marker=mark)]
 
 
 def leaf_bars(leaves: Sequence[LeafRun], groups: Mapping[str, str]) -> Figure:
