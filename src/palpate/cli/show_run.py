@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from palpate.runs.callbacks import Confirm, Progress
     from palpate.runs.held_out import HeldOutMotion
     from palpate.runs.report.live_page import LivePage
-    from palpate.runs.report.live_terminal import RealTime, View
+    from palpate.runs.report.live_terminal import RealTime
     from palpate.runs.run import Run
     from palpate.runs.settings import Settings
 
@@ -32,15 +32,15 @@ MANY_MOTIONS = 4  # Count of agreeing motions above which one line summarizes th
 
 
 @contextmanager
-def live_view(*others: View | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
+def live_view(*others: Observer | None) -> Generator[tuple[Observer, Callable[[str], None]]]:
     """Show the run on stderr and on other views.
 
     Yield the observer, and the callback for the name of the present stage.
     """
-    from palpate.runs.report.live_terminal import LiveTree, SeveralViews
+    from palpate.runs.report.live_terminal import LiveTree, Observers
 
     with LiveTree(err) as live:
-        views = SeveralViews(live, *(view for view in others if view is not None))
+        views = Observers(live, *(view for view in others if view is not None))
         yield views, views.progress
 
 

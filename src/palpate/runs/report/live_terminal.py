@@ -7,7 +7,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from statistics import fmean
-from typing import Protocol
+from typing import Protocol, runtime_checkable
 
 import numpy as np
 from py_trees.behaviour import Behaviour
@@ -72,16 +72,15 @@ class Remaining:
         return robot_time * (time.monotonic() - self._began) / snapshot.elapsed
 
 
-class View(Protocol):
+@runtime_checkable
+class View(Observer, Protocol):
     """An observer that also names stages."""
-
-    def on_tick(self, snapshot: Snapshot) -> None: ...
 
     def progress(self, stage: str) -> None: ...
 
 
 class Observers:
-    """Passes a run on to several observers. An `Observer`."""
+    """Passes a run on to several observers, and the names of stages to those that are views."""
 
     def __init__(self, *observers: Observer) -> None:
         self._observers = observers
@@ -91,18 +90,11 @@ class Observers:
         for observer in self._observers:
             observer.on_tick(snapshot)
 
-
-class SeveralViews(Observers):
-    """Passes a run on to several views."""
-
-    def __init__(self, *views: View) -> None:
-        super().__init__(*views)
-        self._views = views
-
     def progress(self, stage: str) -> None:
         """Name the present stage of the work."""
-        for view in self._views:
-            view.progress(stage)
+        for observer in self._observers:
+            if isinstance(observer, View):
+                observer.progress(stage)
 
 
 class RealTime:
@@ -114,9 +106,6 @@ class RealTime:
     def __init__(self) -> None:
         self._root: object = None
         self._began = 0.0
-
-    def progress(self, stage: str) -> None:
-        """Do nothing: only motions are paced."""
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """Sleep until the wall clock reaches the robot's clock."""
