@@ -313,8 +313,7 @@ class Late(Exception):
 
 
 class Call(Generic[T]):
-    """A call in a daemon thread, for functions without a time-out that an unresponsive host would block
-    for ever."""
+    """A call in a daemon thread, for functions without a time-out that an unresponsive host would block for ever."""
 
     def __init__(self, what: Callable[[], T], name: str) -> None:
         self._future: Future[T] = Future()
@@ -328,11 +327,7 @@ class Call(Generic[T]):
         threading.Thread(target=run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
-        """Return the call's value, or raise its exception.
-
-        Raises:
-            Late: no result within `seconds`.
-        """
+        """Return the call's value, or raise its exception. Raises Late: no result within `seconds`."""
         if not wait([self._future], seconds).done:
             raise Late(f"no answer within {seconds:.1f} s")
         return self._future.result()

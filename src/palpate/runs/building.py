@@ -81,8 +81,7 @@ def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Felt:
 
 
 def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
-    """Execute a part in `world` with a noise-free simulated robot. Return the trace, and the world
-    at the end."""
+    """Execute a part in `world` with a noise-free simulated robot. Return the trace, and the world at the end."""
     from palpate.robots.owner import measured_arm
     from palpate.robots.simulated.robot import MujocoRobot
 
