@@ -270,14 +270,9 @@ class JointTrial:
     def run(
         self, force: Callable[[float], float], until: Callable[[float, float, float], bool]
     ) -> tuple[float, float]:
-        """Apply a force at the handle until a condition holds, or for `LONGEST`.
+        """Apply a force, N by time, at the handle until a condition holds, or for `LONGEST`.
 
-        Args:
-            force: N, by time.
-            until: condition on time, s, travel, m, and speed, m/s, of the handle.
-
-        Returns:
-            Travel and speed at the end.
+        The condition depends on time, s, travel, m, and speed, m/s, of the handle. Return travel and speed at the end.
         """
         model, data = self.model, mujoco.MjData(self.model)
         start = float(data.qpos[self.qpos])

@@ -63,16 +63,10 @@ class PhysicsTrial:
         until: Callable[[mujoco.MjData], bool],
         touching: bool = True,
     ) -> mujoco.MjData:
-        """Apply a force at a point of the body until a condition holds, or for `LONGEST`.
+        """Apply a force, N by state, at a point of the body until a condition on the state holds, or for `LONGEST`.
 
-        Args:
-            force: by state, N.
-            point: (3,) m, where it acts at first; it moves with the object.
-            until: condition on the state.
-            touching: with contacts; without them the object flies through everything.
-
-        Returns:
-            The state at the end.
+        `point` (3,), m, is where it acts at first; it moves with the object. Without `touching`, the object flies through
+        everything. Return the state at the end.
         """
         # Begin at the settled state, with or without contacts.
         model, data = self.model, mujoco.MjData(self.model)

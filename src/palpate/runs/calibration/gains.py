@@ -131,12 +131,9 @@ def require(tests: Sequence[FitTest], what: str) -> None:
 
 
 def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
-    """Compute the posterior of the gains from the weighing of a known mass.
+    """Compute the posterior of the gains from the weighing of a known mass, kg.
 
-    Args:
-        trace: with readings that are corrected by the calibration so far.
-        parameter: mass of the weight.
-        known: stated mass, kg.
+    The readings of `trace` are corrected by the calibration so far; `parameter` is the mass of the weight.
 
     Raises:
         InputError: the object was not weighed, its weighing contradicts itself, or its mass is not
@@ -176,15 +173,9 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
 
 
 def fit_at_force(model: LoadModel, force: float, std: float) -> Posterior:
-    """Compute the posterior of a load model with a known vertical force.
+    """Compute the posterior of a load model of a weighing with a known vertical force, `force` ± `std`, N.
 
-    Args:
-        model: of the weighing.
-        force: N, known vertical force.
-        std: N, its standard deviation.
-
-    Returns:
-        The posterior. Its first unknown is the deviation from `force`.
+    The first unknown of the posterior is the deviation from `force`.
     """
     # Replace the wide prior of the vertical force by the certificate's, about the known force.
     (load, *others), noise, y, scales = model
@@ -224,9 +215,7 @@ def own_weight_tree(arm: RobotDescription) -> Node:
 def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     """Compute the posterior of the gains from the arm's own weight at rest in many configurations.
 
-    Args:
-        trace: with readings that are corrected by the calibration so far.
-        arm: its description.
+    The readings of `trace` are corrected by the calibration so far.
 
     Raises:
         InputError: too few rests, or a weight that such an arm cannot have.
@@ -293,12 +282,9 @@ def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
 
 
 def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
-    """Require that gains estimated without a prior agree with zero.
+    """Require that gains estimated without a prior, `mean` (7,) with `covariance` (7, 7), agree with zero.
 
-    Args:
-        mean: (7,) gains estimated without a prior.
-        covariance: (7, 7) of `mean`.
-        believed: (7, 7) prior covariance of the gains.
+    `believed` (7, 7) is the prior covariance of the gains.
     """
     # Test statistic d^T S^-1 d over all joints; the message names the joint that deviates most.
     spread = covariance + believed

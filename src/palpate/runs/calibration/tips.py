@@ -65,14 +65,10 @@ class Tips:
 def fit_tips(
     trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
 ) -> Tips:
-    """Fit tip length and base tilt to touches.
+    """Fit tip length and base tilt to the touches of a trace.
 
-    Args:
-        trace: with the touches.
-        surfaces: heights that were touched.
-        known: height of all of them, m.
-        base: pose of the arm's base.
-        reach: of the arm, m.
+    The heights `surfaces` were touched, all of the `known` height, m. `base` is the pose of the arm's base, `reach`
+    the arm's reach, m.
     """
     hand = trace.hand
     # Find the touches of all descents; group them by place.
@@ -123,15 +119,9 @@ def fit_tips(
 
 
 def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> Array:
-    """Standard deviation of the mean height at each place from the plane.
+    """Standard deviation (n,), m, of the mean height at each place from the plane.
 
-    Args:
-        heights: touches of each of n places, m.
-        frame: share of `BENT` that the arm has.
-        repeatability: m.
-
-    Returns:
-        (n,) m.
+    `heights`, m, are the touches of each of n places, `frame` is the arm's share of `BENT`, `repeatability` is in m.
     """
     # Scatter of one touch, reduced by averaging, and the frame error that averaging keeps.
     single = np.hypot(repeatability, UNSEEN)
@@ -144,13 +134,9 @@ def shares(
     """Estimate the arm's shares of the frame error `BENT` and of the stated repeatability.
 
     The result is the root mean square over `FRAMES` and `SHARES`, weighted by the evidence (Bishop,
-    Pattern Recognition and Machine Learning, section 3.4).
-
-    Args:
-        heights: (k,) m, touches of each place.
-        design: (n, 3) rows of the plane.
-        prior: (3,) standard deviations of its coefficients.
-        repeatability: m, on the datasheet.
+    Pattern Recognition and Machine Learning, section 3.4). `heights` (k,), m, are the touches of each place, `design`
+    (n, 3) the rows of the plane, `prior` (3,) the standard deviations of its coefficients. `repeatability`, m, is the
+    one on the datasheet.
     """
     # Stack all touches, with the place and the row of the plane for each.
     each = [len(high) for high in heights]
@@ -177,11 +163,8 @@ def shares(
 def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -> None:
     """Require that the gauges have the known height and lie in one plane.
 
-    Args:
-        apart: m, deviation from the known height.
-        residuals: (n,) whitened residuals of the plane.
-        prior: m (1 sigma), of the arm's own height.
-        known: stated height.
+    `apart`, m, is the deviation from the known height, `residuals` (n,) are the whitened ones of the plane, and
+    `prior`, m (1 sigma), is that of the arm's own height.
     """
     side = "above" if apart > 0 else "below"
     # Height against the certificate, with the prior of the arm's own height.

@@ -128,16 +128,10 @@ class Darkroom:
 def write_all(
     run: Run, folder: Path, darkroom: Darkroom | None = None, place: Path | None = None
 ) -> tuple[str, ...]:
-    """Write pictures, film and page of a run.
+    """Write pictures, film and page of a run that is finished but for its report into `folder`.
 
-    Args:
-        run: finished, but for its report.
-        folder: to write into.
-        darkroom: with pictures and film in progress; else they are made now.
-        place: final location of the folder, by default `folder`.
-
-    Returns:
-        Shortfalls, one line for each part that could not be made.
+    Without a `darkroom` with pictures and film in progress, they are made now. `place` is the final location of the
+    folder. Return the shortfalls, one line for each part that could not be made.
     """
     # Each part runs in its own block: a failure is noted, and the next part begins.
     missing: list[str] = []
