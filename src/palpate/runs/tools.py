@@ -132,12 +132,9 @@ def write_excitation(arm: str, path: Path) -> list[str]:
 
 
 def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
-    """Check a plan in a file; return the findings.
+    """Check a plan in a file, a chat's answer or a run folder; return the findings.
 
-    Args:
-        plan: a plan, a chat's answer, or a run folder.
-        asked: the scene and the arm; without a scene the plan is checked against the objects in its
-            file, or without any.
+    Without a scene it is checked against the objects in its file, or without any.
     """
     # Check against the scene, or against the objects in the plan's own file.
     proposal = load_proposal(plan)

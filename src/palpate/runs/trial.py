@@ -65,8 +65,8 @@ class PhysicsTrial:
     ) -> mujoco.MjData:
         """Apply a force, N by state, at a point of the body until a condition on the state holds, or for `LONGEST`.
 
-        `point` (3,), m, is where it acts at first; it moves with the object. Without `touching`, the object flies through
-        everything. Return the state at the end.
+        `point` (3,), m, is where it acts at first; it moves with the object. Without `touching`, the object flies
+        through everything. Return the state at the end.
         """
         # Begin at the settled state, with or without contacts.
         model, data = self.model, mujoco.MjData(self.model)

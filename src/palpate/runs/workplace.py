@@ -200,13 +200,9 @@ def seen_from(
     noise: str = DEFAULT_LEVEL,
     hand: Hand | None = None,
 ) -> Seen:
-    """Determine the poses of a scene from a source of pictures.
+    """Determine the poses of a scene from a source of pictures; the arguments are those of `recordings.see`.
 
-    Args:
-        scene: whose objects are looked for.
-        source, intrinsics, world, seed, estimator: as in `palpate.runs.recordings.see`.
-        noise: noise model of the embedded arm.
-        hand: pose of the TCP, for a camera on the hand.
+    `noise` is the model of the embedded arm, `hand` the pose of the TCP for a camera on the hand.
 
     Raises:
         InputError: no such camera, nothing to see by, or a file that cannot be used.

@@ -108,8 +108,7 @@ def locate(
 ) -> tuple[HandEye, CalibrationViews]:
     """Locate a camera by a tag, and put its pose into the session's robot.yaml.
 
-    Returns:
-        The fitted pose, and the views with the poses believed before.
+    Return the fitted pose, and the views with the poses believed before.
 
     Raises:
         InputError: no such camera, no rough pose of it is stated, or the pictures do not fit.

@@ -129,11 +129,8 @@ class CalibrationSession:
     ) -> Trace:
         """Execute a plan in `scene` and return its trace.
 
-        Args:
-            scene: of the plan.
-            plan: executed.
-            world: simulated world; None uses the workplace that the settings name.
-            observer: called in addition to the one of the callbacks.
+        The arm is in the simulated `world`, or else in the workplace that the settings name. The `observer` is called in
+        addition to that of the callbacks.
 
         Raises:
             InputError: the plan cannot be executed there.
