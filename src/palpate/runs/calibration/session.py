@@ -129,8 +129,8 @@ class CalibrationSession:
     ) -> Trace:
         """Execute a plan in `scene` and return its trace.
 
-        The arm is in the simulated `world`, or else in the workplace that the settings name. The `observer` is called in
-        addition to that of the callbacks.
+        The arm is in the simulated `world`, or else in the workplace that the settings name. The `observer` is
+        called in addition to that of the callbacks.
 
         Raises:
             InputError: the plan cannot be executed there.
