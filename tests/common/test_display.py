@@ -4,10 +4,14 @@ from __future__ import annotations
 
 import io
 import json
+import math
+from pathlib import Path
 
+import numpy as np
 from rich.table import Table
 
-from palpate.common.display import json_text, visible
+from palpate.common.belief import BeliefTouch
+from palpate.common.display import json_text, to_json, visible
 from palpate.runs.report.console import SafeConsole
 
 EVIL = "a\x1b[31m\x07\r\x7f\x9b\u202e\u2066\U000e0041\ud800\tb\nc é 漢 👍"
@@ -37,3 +41,20 @@ def test_nothing_on_the_console_is_a_command() -> None:
     assert "\x1b[2J" not in text
     assert "\x9b" not in text
     assert "\\x1b[2Jcell" in text
+
+
+def test_values_of_python_become_json_and_what_is_not_finite_becomes_null() -> None:
+    touch = BeliefTouch("probe", (0.0, 0.0, 1.0), (0.1, 0.2, 0.3), math.inf, 1e-3, math.nan)
+    found = to_json({"touch": touch, "file": Path("a/b"), "numbers": np.array([[1.0, np.nan]])})
+    assert found == {
+        "touch": {
+            "means": "probe",
+            "along": [0.0, 0.0, 1.0],
+            "point": [0.1, 0.2, 0.3],
+            "apart": None,
+            "std": 1e-3,
+            "believed_std": None,
+        },
+        "file": "a/b",
+        "numbers": [[1.0, None]],
+    }

@@ -19,7 +19,7 @@ from palpate.estimation.estimate import Estimate, FitTest, FurtherValue, Shared,
 from palpate.execution.rehearsal import Rehearsal
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
-from palpate.runs.read import belief_from, estimate_from
+from palpate.runs.read import NOTHING, belief_from, estimate_from
 from palpate.runs.result import belief_json, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.runs.settings import Settings
@@ -346,3 +346,14 @@ def test_a_negative_standard_deviation_is_refused() -> None:
     assert estimate_from(row).stds.tolist() == [0.01]
     with pytest.raises(ValueError, match=r"std of mug.mass is negative: -0.01"):
         estimate_from({**row, "std": -0.01})
+
+
+@pytest.mark.parametrize("simulated", [True, False])
+def test_estimates_of_a_simulated_run_say_so(simulated: bool) -> None:
+    mass = Estimate.normal(Parameter("mug", "mass"), "kg", 0.34, 0.01, "Weighed.")
+    plan = Plan((mass.parameter,), None, "")
+    run = Run(Settings(), parse_scene(NOTHING), plan, estimates=(mass,), simulated=simulated)
+    (found,) = run.estimates
+    assert found == mass, "the label is no part of the result"
+    assert repr(found).endswith(", simulated>") == simulated
+    assert found.cells()[-1] == "identified" + ", simulated" * simulated
