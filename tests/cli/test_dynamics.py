@@ -61,6 +61,13 @@ def test_a_wrong_recording_is_contradicted_and_not_written(palpate: Call) -> Non
     said = " ".join(done.out.split())
     assert "contradicted The described arm does not explain the torques: the torques have" in said
     assert "another arm (--arm NAME or a folder" in said
+    # Every printed figure is marked.
+    rows = [line for line in done.out.splitlines() if "±" in line]
+    assert len(rows) >= 8
+    assert all(line.count("(") == line.count("±") for line in rows)
+    assert done.out.startswith("contradicted: figures in parentheses have no meaning")
+    told = json.loads(palpate("dynamics", "log.npz", "--json").out)
+    assert told["verdict"] == "contradicted"
     assert not Path("arm.xml").exists()
     noise = palpate("noise", "log.npz", "-o", "mine.yaml")
     assert noise.status == 2

@@ -158,6 +158,11 @@ def test_a_run_is_not_counted_twice_nor_one_of_another_scene(
     twice = palpate("fuse", stored, copy)
     assert (twice.status, twice.out) == (2, "")
     assert "not counted twice" in twice.err
+    itself = palpate("compare", stored, copy)
+    assert itself.status == 0
+    assert "hold the same recordings: they cannot differ" in " ".join(
+        (itself.out + itself.err).split()
+    )
     assert palpate("fuse", stored).status == 2
     other = tmp_path / "other.xml"
     other.write_text(SCENE.replace("0.35 0 -0.03", "0.36 0 -0.03"))
@@ -166,6 +171,19 @@ def test_a_run_is_not_counted_twice_nor_one_of_another_scene(
     assert apart.status == 2
     for word in ("not of one scene", "0.35 0 -0.03", "worlds differ"):
         assert word in apart.err
+
+
+@pytest.mark.parametrize("file", ["twin.xml", "scene.xml"])
+@pytest.mark.parametrize("content", ["<mujoco><worldbody>", "PNG", ""])
+def test_a_damaged_file_of_a_run_is_named(
+    palpate: Palpate, stored: Path, tmp_path: Path, file: str, content: str
+) -> None:
+    copy = tmp_path / "copy"
+    shutil.copytree(stored, copy)
+    (copy / file).write_text(content)
+    answer = palpate("compare", copy, stored)
+    assert answer.status == 2, answer.out
+    assert f"copy/{file}' is damaged" in "".join(answer.err.split("\n"))
 
 
 def test_runs_are_compared(palpate: Palpate, folders: list[Path]) -> None:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import mujoco
 import numpy as np
 import pytest
@@ -76,3 +78,16 @@ def test_planes_without_a_size_are_wide() -> None:
     assert extent[1:] == pytest.approx([1, 0])
     assert found.solid_geoms() == []
     assert found.model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+
+
+def test_warnings_of_mujoco_are_logged_and_no_file_is_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    ball = '<mujoco><worldbody><body><freejoint/><geom size=".1"/></body></worldbody></mujoco>'
+    model = mujoco.MjModel.from_xml_string(ball)
+    data = mujoco.MjData(model)
+    data.qpos[0] = np.nan
+    mujoco.mj_step(model, data)
+    assert "MuJoCo: Nan, Inf or huge value in QPOS" in caplog.text
+    assert list(tmp_path.iterdir()) == []

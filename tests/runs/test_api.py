@@ -376,8 +376,19 @@ def test_a_parameter_may_be_named_by_itself() -> None:
 def test_what_the_planner_cannot_be_is_named() -> None:
     with pytest.raises(pp.InputError, match="planner=: Input should be a valid string"):
         pp.load(DESK).plan(REQUEST, planner=3)  # type: ignore[arg-type]
-    with pytest.raises(pp.InputError, match="measure=: "):
+    with pytest.raises(
+        pp.InputError, match=r"measure=: .* text, or a list of texts, not 3. Parameter"
+    ):
         pp.load(DESK).plan(measure=3)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_used_is_said_by_every_planner() -> None:
+    for images in ("missing.png", ["missing.png"]):
+        with pytest.raises(pp.InputError, match=r"cannot read missing\.png"):
+            pp.load(DESK).plan(measure=MASS, images=images)
+    plan = pp.load(DESK).plan(measure=MASS, within={"height": "1mm", "mass": "5g"})
+    assert any("within=height has no effect" in note for note in plan.notes)
+    assert not any("within=mass" in note for note in plan.notes)
 
 
 CRATE = DESK.replace(

@@ -1,6 +1,6 @@
 """What palpate uses of MuJoCo 4, which ships no types. Names and arguments as in the bindings."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar, SupportsFloat, SupportsIndex, SupportsInt, overload
 
 import numpy as np
@@ -140,6 +140,9 @@ class mjtBuiltin(_Enum):
     mjBUILTIN_GRADIENT: ClassVar[mjtBuiltin]
 
 # Compiled model
+
+def get_mju_user_warning() -> Callable[[str], None] | None: ...
+def set_mju_user_warning(warn: Callable[[str], None] | None) -> None: ...
 
 class MjOption:
     disableflags: int

@@ -105,21 +105,26 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
         if as_json:
             print_json({**found.record(), "files": [str(path) for path in written]})
             return
-        # Figures of the joints, then the hand, then the held-out torques.
+        # Figures of the joints, then the hand, then the held-out torques; contradicted ones are in parentheses.
+        form = "({})" if found.contradictions else "{}"
+        if found.contradictions:
+            out.print("contradicted: figures in parentheses have no meaning", style="bold red")
         table = figure_table("joint", *FIGURES.values())
         for i in range(len(found.arm.joints)):
-            cells = [_figure_cell(getattr(found, name), i) for name in FIGURES]
+            cells = [_figure_cell(getattr(found, name), i, form) for name in FIGURES]
             table.add_row(str(i + 1), *cells)
         out.print(table)
         if found.hand is not None:
             low, high = found.hand.interval
             mass, std = found.hand.mass, found.hand.mass_std
-            out.print(f"hand {mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]", markup=False)
+            said = f"{mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]"
+            out.print(f"hand {form.format(said)}", markup=False)
             if found.hand.centre is None:
                 out.print(f"its centre of mass is {NOT_OBSERVABLE}", markup=False)
             else:
                 centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
-                out.print(f"its centre of mass {centre} mm from the TCP, along x y z", markup=False)
+                place = form.format(f"{centre} mm from the TCP, along x y z")
+                out.print(f"its centre of mass {place}", markup=False)
         # Root mean square of each joint and over all joints, for each model.
         title = f"torque left in the last {found.held_out:.0f} s, N m rms, joints 1 to 7"
         held_out = figure_table(
@@ -137,10 +142,10 @@ def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) ->
             out.print(f"written to {path}", markup=False, soft_wrap=True)
 
 
-def _figure_cell(figure: JointFigure, joint: int) -> str:
+def _figure_cell(figure: JointFigure, joint: int, form: str) -> str:
     if not figure.observed[joint]:
         return NOT_OBSERVABLE
-    return f"{figure.value[joint]:.2f} ± {figure.std[joint]:.2f}"
+    return form.format(f"{figure.value[joint]:.2f} ± {figure.std[joint]:.2f}")
 
 
 # Noise of an arm compared with the noise models, as a table or as JSON.

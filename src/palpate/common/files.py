@@ -28,6 +28,13 @@ _KINDS = (
 _FLAGS = sum({getattr(os, name, 0) for name in ("O_NONBLOCK", "O_NOCTTY", "O_CLOEXEC", "O_BINARY")})
 
 
+def path_of(given: object, argument: str) -> Path:
+    """Convert an argument that names a file; raise InputError for another type, and for no name."""
+    if isinstance(given, str | Path) and str(given):
+        return Path(given)
+    raise InputError(f"{argument}={str(given)[:80]!r}: give the path of a file")
+
+
 def require_regular(path: Path, limit: int, what: str) -> None:
     """Check a file that a library will read by its path: a regular file of at most `limit` bytes.
 

@@ -165,6 +165,7 @@ class DynamicsFit:
             "hand": None if self.hand is None else self.hand.record(),
             "rms": {name: rms.tolist() for name, rms in self.rms.items()},
             "notes": list(self.notes),
+            "verdict": "contradicted" if self.contradictions else "identified",
             "contradictions": list(self.contradictions),
         }
 

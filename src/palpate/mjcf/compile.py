@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from copy import deepcopy
@@ -26,6 +27,12 @@ from palpate.mjcf.document import (
 from palpate.mjcf.edits import Edit, Insert, apply
 from palpate.mjcf.elements import PLACING, STAND_INS, replace_unknowns
 from palpate.mjcf.roles import Roles
+
+# Without a receiver MuJoCo prints its warnings, and writes MUJOCO_LOG.TXT into the working directory.
+if mujoco.get_mju_user_warning() is None:
+    mujoco.set_mju_user_warning(
+        lambda said: logging.getLogger(__name__).warning("MuJoCo: %s", said)
+    )
 
 BASE_SITE = "robot_base"
 # Assets that are removed with a robot if no other element uses them.

@@ -15,7 +15,7 @@ from palpate.common.pose import Array
 from palpate.common.version import __version__
 from palpate.estimation.estimate import Estimate, Shared
 from palpate.estimation.fusion import Source, difference
-from palpate.runs.fuse import arm_of, differences, names_of, parameters_of
+from palpate.runs.fuse import arm_of, differences, names_of, parameters_of, shared_recordings
 from palpate.runs.result import shape_value
 from palpate.runs.run import Run
 
@@ -99,7 +99,7 @@ def compare_runs(runs: Sequence[Run]) -> Comparison:
         raise InputError("give two runs or more to compare")
     names = names_of(runs)
     # Collect the differences of the scenes; a different scene changes which errors are shared.
-    remarks: list[str] = []
+    remarks = [f"{same}: they cannot differ" for same in shared_recordings(runs, names)]
     one_scene = True
     for name, run in zip(names[1:], runs[1:], strict=True):
         apart = list(differences(runs[0], run))

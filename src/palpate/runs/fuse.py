@@ -94,7 +94,8 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
         apart = list(differences(runs[0], run))
         if apart:
             raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
-    _require_different(runs, names)
+    if same := next(shared_recordings(runs, names), ""):
+        raise InputError(f"{same}: a measurement is not counted twice")
     # Fuse each parameter over the runs that give evidence for it; list the other estimates.
     estimates: list[Estimate] = []
     left_out: list[str] = []
@@ -219,22 +220,18 @@ def _first_difference(text: str, other: str) -> str:
     return "in their white space"
 
 
-def _require_different(runs: Sequence[Run], names: Sequence[str]) -> None:
-    """Reject the same recordings twice: estimates that are equal to the last bit.
+def shared_recordings(runs: Sequence[Run], names: Sequence[str]) -> Iterator[str]:
+    """Yield a sentence for each run that holds the recordings of an earlier one.
 
-    Raises:
-        InputError: two runs hold the same recordings.
+    Values and deviations identify a recording: independent measurements never agree in every bit.
     """
-    # Values and deviations identify a recording: independent measurements never agree in every bit.
     seen: dict[tuple[Any, ...], str] = {}
     for name, run in zip(names, runs, strict=True):
-        for estimate in run.estimates:
-            if not estimate.has_value:
-                continue
-            numbers = (estimate.parameter, *estimate.values.tolist(), *estimate.stds.tolist())
-            if numbers in seen:
-                raise InputError(
-                    f"{seen[numbers]} and {name} hold the same recordings: a measurement is not counted "
-                    "twice"
-                )
-            seen[numbers] = name
+        every = [
+            (estimate.parameter, *estimate.values.tolist(), *estimate.stds.tolist())
+            for estimate in run.estimates
+            if estimate.has_value
+        ]
+        if twin := next((seen[numbers] for numbers in every if numbers in seen), ""):
+            yield f"{twin} and {name} hold the same recordings"
+        seen |= dict.fromkeys(every, name)

@@ -42,9 +42,7 @@ def preflight(settings: Settings) -> None:
 
 
 def load(settings: Settings) -> Scene | None:
-    """Load the scene with its poses; None if the settings name none. Check that images are readable."""
-    for image in settings.images:
-        load_image(image)
+    """Load the scene with its poses; None if the settings name none."""
     if settings.scene is None:
         return None
     return settings.read_scene(settings.described_arm())
@@ -56,6 +54,8 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     A plan without a tree is a rejection. Without a scene file, the scene is built from the objects
     that a model detected in the picture.
     """
+    for image in settings.images:
+        load_image(image)
     if scene is not None:
         if settings.request is not None and not settings.within:
             settings = settings.having(within=stated_widths(settings.request, scene))
@@ -102,7 +102,8 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     answer = _with_reading_note(settings, answer, scene)
     if measure is not None:
         answer = _with_left_out(answer, split_known(measure, scene, settings.remeasure)[1])
-    answer = replace(answer, notes=(*answer.notes, *blind))
+    unused = settings.within.unused(answer.parameters) if answer.tree is not None else ""
+    answer = replace(answer, notes=(*answer.notes, *blind, *filter(None, [unused])))
 
     findings: tuple[Finding, ...] = ()
     # Answers of a model were checked during its conversation. Check those of other planners here.

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Generator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
@@ -114,6 +115,15 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     )
 
 
+@contextmanager
+def _naming(file: Path) -> Generator[None]:
+    """Add the name of the file to errors in its content."""
+    try:
+        yield
+    except (InputError, KeyError, TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"'{file}' is damaged, restore it: {error}") from None
+
+
 def _find_scene(
     folder: Path, settings: Settings, objects: tuple[SceneObject, ...]
 ) -> tuple[Scene, DetectedScene | None]:
@@ -129,9 +139,11 @@ def _find_scene(
     # A scene from a picture keeps the detected objects in the plan.
     if own.exists() and objects:
         seen = DetectedScene(SceneBuilder(poses, arm), objects)
-        return scene_from_text(read_text(own), like=seen.scene()), seen
+        with _naming(own):
+            return scene_from_text(read_text(own), like=seen.scene()), seen
     if own.exists():
-        return parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots), None
+        with _naming(own):
+            return parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots), None
     if settings.scene is not None and settings.scene.exists():
         return settings.read_scene(arm), None
     return parse_scene(NOTHING, arm=arm), None
@@ -247,7 +259,8 @@ def _twin(
     xml = read_text(file)
     unwritten = [Parameter(name) for name in document.get("unwritten", ())]
     marks = _validation(document["validation"])
-    return read_twin(xml, scene, estimates, document["notes"], marks, unwritten)
+    with _naming(file):
+        return read_twin(xml, scene, estimates, document["notes"], marks, unwritten)
 
 
 def _validation(marks: dict[str, Any] | None) -> Validation | None:

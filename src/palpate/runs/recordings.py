@@ -12,7 +12,7 @@ import numpy as np
 
 from palpate.common.display import to_json
 from palpate.common.errors import InputError
-from palpate.common.files import write_new
+from palpate.common.files import path_of, write_new
 from palpate.common.processes import single_threaded_blas
 from palpate.estimation.arm_dynamics import DynamicsFit as InnerDynamics
 from palpate.estimation.arm_dynamics import identify
@@ -101,9 +101,11 @@ def estimate(
         Carrying(object or LOAD, windows, pose, hand),
         RunCallbacks(progress=progress),
     )
-    unloaded, names = (None if file is None else Path(file) for file in (empty, columns))
+    unloaded = None if empty is None else path_of(empty, "empty")
+    names = None if columns is None else path_of(columns, "columns")
     with single_threaded_blas():
-        made = estimate_recording(settings, Path(log), carrying, unloaded, names, callbacks)
+        recording = path_of(log, "log")
+        made = estimate_recording(settings, recording, carrying, unloaded, names, callbacks)
         return run_of(made)
 
 

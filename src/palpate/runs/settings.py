@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, get_args, get_type_hints
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import Option
+from palpate.common.extensions import Option, iter_options
 from palpate.common.parameter import Parameter
 from palpate.common.version import __version__
 from palpate.planning.model.settings import ModelSettings
@@ -51,6 +51,7 @@ FORMS: Mapping[str, Callable[[Any], Any]] = {
     "within": _widths,
     "measure": _names,
     "robot_body": _names,
+    "images": _names,
     "arm": str,
     "camera": lambda given: str(given) if isinstance(given, int) else given,
 }
@@ -207,7 +208,12 @@ class Settings:
             try:
                 object.__setattr__(self, name, adapter.validate_python(given))
             except ValidationError as error:
-                raise InputError(f"{name}=: {error.errors()[0]['msg']}") from None
+                wrong = error.errors()[0]["msg"].replace(
+                    "a valid tuple", "a text, or a list of texts"
+                )
+                options = {one.name: f". {one.option.help}" for one in iter_options(Settings)}
+                shown = f"{name}=: {wrong}, not {str(given)[:60]}{options.get(name, '')}"
+                raise InputError(shown) from None
 
     def having(self, **changes: Any) -> Settings:
         """Return these settings with changed fields, converted to their types. Raises InputError:

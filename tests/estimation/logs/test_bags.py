@@ -97,6 +97,14 @@ def test_topics_of_a_bag(tmp_path: Path) -> None:
         read_log(damaged)
 
 
+@pytest.mark.parametrize("ending", ["mcap", "db3"])
+def test_a_damaged_file_of_a_folder_is_named(tmp_path: Path, ending: str) -> None:
+    folder = bag(tmp_path / "bag", "mcap" if ending == "mcap" else "sqlite3")
+    (folder / f"second.{ending}").write_bytes(b"no bag" * 1000)
+    with pytest.raises(InputError, match=rf"bag/second\.{ending} is no bag that can be read"):
+        read_log(folder)
+
+
 def test_state_of_franka_ros2(tmp_path: Path) -> None:
     """The robot's state holds what is measured beside what is desired, in one message."""
     pytest.importorskip("rosbags")

@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
+import palpate as pp
 from palpate.common.errors import InputError
 from palpate.estimation.logs.reading import read_log
 
@@ -149,3 +151,63 @@ def test_a_line_that_is_cut_off_and_a_line_of_units(tmp_path: Path) -> None:
     file.write_text(f"{names}\n{','.join(['s'] + ['rad'] * 14 + ['Nm'] * 7)}\n{rows}")
     with pytest.raises(InputError, match="second line holds no number; leave one line of names"):
         read_log(file)
+
+
+def write_table(path: Path, columns: dict[str, np.ndarray]) -> Path:
+    """Write columns as CSV, NPZ or Parquet, by the ending of the path."""
+    if path.suffix == ".csv":
+        return csv(path, [*columns], *columns.values())
+    if path.suffix == ".npz":
+        np.savez(path, **columns)
+        return path
+    pyarrow = pytest.importorskip("pyarrow")
+    from pyarrow import parquet
+
+    parquet.write_table(pyarrow.table(columns), path)
+    return path
+
+
+def scalar_columns() -> dict[str, np.ndarray]:
+    values = np.column_stack([T, Q, DQ, TAU]).T
+    return dict(zip(NAMES, values, strict=True))
+
+
+FORMATS = pytest.mark.parametrize("ending", ["csv", "npz", "parquet"])
+
+
+@FORMATS
+@pytest.mark.parametrize("name", ["q3", "tau7", "t", "dq1"])
+def test_a_column_without_numbers_is_named(tmp_path: Path, ending: str, name: str) -> None:
+    columns = scalar_columns() | {name: np.full(N, np.nan)}
+    file = write_table(tmp_path / f"log.{ending}", columns)
+    with pytest.raises(
+        InputError, match=f"column '{name}' .* has no numbers in most rows: mend it"
+    ):
+        read_log(file)
+
+
+@FORMATS
+def test_a_second_column_of_one_name_is_refused(tmp_path: Path, ending: str) -> None:
+    """pandas writes it with a number behind a dot."""
+    file = write_table(tmp_path / f"log.{ending}", scalar_columns() | {"q1.1": Q[:, 1]})
+    with pytest.raises(InputError, match=r"columns with one name: q1 \(q1\.1\)"):
+        read_log(file)
+    # Numbers behind a dot alone are the joints.
+    dotted = {name.replace("tau", "tau."): part for name, part in scalar_columns().items()}
+    np.testing.assert_allclose(read_log(write_table(tmp_path / f"b.{ending}", dotted)).tau, TAU)
+
+
+def test_a_clock_of_one_column_is_read(tmp_path: Path) -> None:
+    file = tmp_path / "log.npz"
+    np.savez(file, t=T[:, None], q=Q, dq=DQ, tau=TAU)
+    np.testing.assert_allclose(read_log(file).t, T - T[0])
+
+
+@pytest.mark.parametrize("given", [None, 3, "", {"q": "position"}])
+def test_what_names_no_file_is_one_clear_error(tmp_path: Path, given: Any) -> None:
+    for function in (pp.estimate, pp.dynamics, pp.noise):
+        with pytest.raises(InputError, match=r"log=.*: give the path of a file"):
+            function(given)
+        if given is not None:
+            with pytest.raises(InputError, match=r"columns=.*: give the path of a file"):
+                function(tmp_path / "log.csv", columns=given)

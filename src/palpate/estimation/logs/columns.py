@@ -176,6 +176,7 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
             f"{source} holds the joints of several arms: {list_names(map(str, arms))}. State one of them in a "
             f"file with '{example}', and give it as columns=MAP.yaml"
         )
+    _require_numbers(arms[0], tables[arms[0].table][1], source)
     # Note the messages that are not read, and a clock without stamps.
     counts = [
         f"{len(table[name])} messages on {topic} (… {name})"
@@ -187,6 +188,27 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
     if arm.columns["t"][0].name == "bag_time_s":
         notes.append("its messages have no stamps: their times are those of the bag")
     return arm._replace(notes=(*notes, *arm.notes))
+
+
+def _require_numbers(arm: Arm, table: Table, source: str) -> None:
+    """Check that each column of an arm is unique and has numbers in most of its rows.
+
+    Raises:
+        InputError: It is not; the message names the column.
+    """
+    for signal, column in ((signal, one) for signal, run in arm.columns.items() for one in run):
+        # pandas numbers the second column of a name.
+        twice = [name for name in table if re.fullmatch(re.escape(column.name) + r"\.\d+", name)]
+        if twice and column.name in table:
+            raise InputError(
+                f"{source}: columns with one name: {column.name} ({list_names(twice)}); remove or rename one of them"
+            )
+        if len(column.values) and np.isfinite(column.values).mean() < MOST_LOST:
+            rest = "" if signal in ("t", "q", "tau") else f", or remove all columns of {signal}"
+            raise InputError(
+                f"{source}: column '{column.name}' ({signal}) has no numbers in most rows: mend it, state another one "
+                f"in columns=MAP.yaml{rest}"
+            )
 
 
 def _is_named(arm: Arm, columns: ColumnMap) -> bool:
@@ -325,6 +347,7 @@ def _flat(table: Table) -> Table:
     flat: dict[str, Array] = {}
     # Split a vector column, join the two parts of a stamp, and keep scalars.
     for name, values in table.items():
+        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
         fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
         coarse = name.removesuffix(fine[2]) + fine[3] if fine else ""
         if values.ndim == 2 and values.shape[1] <= WIDEST:

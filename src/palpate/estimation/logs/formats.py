@@ -87,14 +87,8 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
         import rosbags  # noqa: F401  # pyright: ignore
     except ImportError:
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
-    # Damaged files raise arbitrary errors, which become one error on the file.
-    try:
-        with ExitStack() as stack:
-            parts, topics, lost = _collect(_messages(path, stack), columns.topic)
-    except (InputError, Unavailable):
-        raise
-    except Exception as error:  # damaged bytes raise anything
-        raise InputError(f"{path} is no bag that can be read: {_reason(error)}") from error
+    with ExitStack() as stack:
+        parts, topics, lost = _collect(_messages(path, stack), columns.topic)
     notes = [
         f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
         for topic, (count, reason) in lost.items()
@@ -134,7 +128,7 @@ def _collect(
         if raw.topic != wanted if wanted else not likely:
             continue
         if count > MAX_MESSAGES:
-            raise ValueError(f"it has more than {MAX_MESSAGES} messages; cut it")
+            raise InputError(f"the bag has more than {MAX_MESSAGES} messages; cut it")
         # Unpack and decode; a failure counts as lost and is reported once per topic.
         try:
             if raw.topic not in decoders:
@@ -233,9 +227,16 @@ def _messages(path: Path, stack: ExitStack) -> Iterator[Raw]:
         files = sorted(file for kind in STORED for file in path.glob(f"*{kind}"))
     for file in files:
         require_regular(file, MAX_BAG_BYTES, "a bag")
-        if file.suffix == ".zstd":
-            file = _unpacked(file, Path(stack.enter_context(tempfile.TemporaryDirectory())))
-        yield from (_in_mcap if file.suffix.lower() == ".mcap" else _in_others)(file)
+        # Damaged files raise arbitrary errors, which become one error on the file.
+        try:
+            plain = file
+            if file.suffix == ".zstd":
+                plain = _unpacked(file, Path(stack.enter_context(tempfile.TemporaryDirectory())))
+            yield from (_in_mcap if plain.suffix.lower() == ".mcap" else _in_others)(plain)
+        except (InputError, Unavailable):
+            raise
+        except Exception as error:  # damaged bytes raise anything
+            raise InputError(f"{file} is no bag that can be read: {_reason(error)}") from error
 
 
 def _unpacked(path: Path, folder: Path) -> Path:

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from palpate.common.errors import InputError
-from palpate.common.files import open_with_limit, read_text
+from palpate.common.files import open_with_limit, path_of, read_text
 from palpate.estimation.logs.columns import (
     ANGLES,
     UNITS,
@@ -34,7 +34,8 @@ def log_of(log: str | Path | ArmLog, columns: str | Path | None = None) -> ArmLo
     """Return a recording unchanged, or read the one at a path (`read_log`)."""
     if isinstance(log, ArmLog):
         return log
-    return read_log(Path(log), None if columns is None else Path(columns))
+    names = None if columns is None else path_of(columns, "columns")
+    return read_log(path_of(log, "log"), names)
 
 
 def read_log(path: Path, columns: Path | None = None) -> ArmLog:

@@ -164,6 +164,16 @@ class Within:
             if object and object not in names:
                 raise unknown_name("object in within=", object, names)
 
+    def unused(self, measured: Iterable[Parameter]) -> str:
+        """Sentence on the widths that concern no `measured` parameter; empty without any."""
+        names = {name for one in measured for name in (str(one), one.quantity)}
+        unused = ", ".join(name for name, _ in self.widths if name not in names)
+        return (
+            f"The width within={unused} has no effect: nothing like that is measured."
+            if unused
+            else ""
+        )
+
     def precision(self, estimate: Estimate) -> Precision | None:
         """Precision of the widest component; None without a request.
 
