@@ -144,3 +144,28 @@ def test_joints_without_limits_turn_a_revolution_either_way(tmp_path: Path) -> N
     limits = load_description(f"{folder}/").limits
     assert (limits.q_min[0], limits.q_max[0]) == (-2 * np.pi, 2 * np.pi)
     assert limits.q_max[1] < 2 * np.pi
+
+
+@pytest.mark.parametrize(
+    ("stated", "other", "message"),
+    [
+        (
+            "palm: 0.029",
+            "palm: 0.0374",
+            r"'hand.palm' is 0.0374 m, and in .*my_arm.xml a shape of 'l7' is 0.0300 m",
+        ),
+        ("  palm: 0.029\n", "", r"'hand.palm' is 0.0374 m, and in .*my_arm.xml a shape of 'l7'"),
+        (
+            "tcp: [0, 0, 0.1]",
+            "tcp: [0, 0.01, 0.1]",
+            r"'hand.tcp' is not between the fingers of .*y -0.0100 m",
+        ),
+        ("tcp: [0, 0, 0.1]", "tcp: [0, 0, 0.15]", r"'hand.tcp' .* their end -0.0400 m beyond it"),
+    ],
+)
+def test_figures_of_the_hand_that_differ_from_its_shapes_are_refused(
+    tmp_path: Path, stated: str, other: str, message: str
+) -> None:
+    folder = write_arm(tmp_path / "mine", SHEET.replace(stated, other))
+    with pytest.raises(InputError, match=r"description.yaml: " + message):
+        load_description(f"{folder}/")

@@ -46,6 +46,7 @@ PAD_FRICTION = (1.0, 0.01, 0.0001)  # of rubber: sliding, torsional (m) and roll
 AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and no null space exists
 WORLD, OWN = 1, 1 << 20  # contact bits: the default one, and a rare one for the arm's own shapes
 OVERLAPPING = 2  # joints between bodies whose shapes may overlap
+MISPLACED = 0.003  # m by which TCP and palm may differ from the shapes of the hand
 LEVEL = 0.999  # cosine of the largest inclination of the tool at home
 PREFIX = "robot/"  # prefix of the arm's names in a world
 TCP = "palpate_tcp"  # site of a TCP that a description gives as a position
@@ -400,6 +401,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     mjcf = folder / sheet.mjcf
     model = compile_mjcf(mjcf)
     require_arm(folder / FILE, sheet, model)
+    require_shapes(folder / FILE, mjcf, sheet, model)
     links: list[str] = []  # from the base to the body that the last joint moves
     body = int(model.jnt_bodyid[model.joint(sheet.joints[-1]).id])
     while body:
@@ -500,29 +502,69 @@ def reflexes(sheet: ReflexSheet, payload: float) -> Reflexes:
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:
     """Return the distance from the TCP to the end of the pads along the tool, m."""
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    tool = tool_pose(model, data, hand)
-    # Farthest point along the tool of each box: centre plus half sizes, projected on the axis.
-    axis, ends = tool.rotation[:, 2], list[float]()
-    for name in hand.fingers:
-        body, pads = int(model.jnt_bodyid[model.joint(name).id]), hand.pads
-        boxes = [
-            (data.geom_xpos[geom], data.geom_xmat[geom], *np.split(model.geom_aabb[geom], 2))
-            for geom in range(model.ngeom)
-            if model.geom_bodyid[geom] == body and model.geom_contype[geom]
-        ]
-        if pads is not None:
-            boxes = [(data.xpos[body], data.xmat[body], pads.centre, pads.half)]
-        for position, rotation, centre, half in boxes:
-            along = axis @ rotation.reshape(3, 3)
-            far = axis @ (position - tool.position) + along @ centre + np.abs(along) @ half
-            ends.append(float(far))
+    fingers = finger_bodies(model, hand)
+    ends = [float(box[1, 2]) for body, box in tool_boxes(model, hand) if body in fingers]
     if not ends:
         raise InputError(
             f"the fingers {', '.join(hand.fingers)} have no shape that collides: give 'hand.pads'"
         )
     return round(max(ends), 6)
+
+
+def finger_bodies(model: mujoco.MjModel, hand: ParallelHand) -> list[int]:
+    """Return the ids of the bodies that the fingers' joints move."""
+    return [int(model.jnt_bodyid[model.joint(name).id]) for name in hand.fingers]
+
+
+def tool_boxes(model: mujoco.MjModel, hand: ParallelHand) -> Iterator[tuple[int, Array]]:
+    """Yield body and box of each colliding geom: lowest and highest corner (2, 3) in the tool frame, m.
+
+    The stated pads of a hand replace the geoms of its fingers.
+    """
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    tool, fingers, pads = tool_pose(model, data, hand), finger_bodies(model, hand), hand.pads
+    boxes = [
+        (body, data.geom_xpos[geom], data.geom_xmat[geom], *np.split(model.geom_aabb[geom], 2))
+        for geom, body in enumerate(model.geom_bodyid.tolist())
+        if model.geom_contype[geom] and not (pads is not None and body in fingers)
+    ]
+    if pads is not None:
+        boxes += [(i, data.xpos[i], data.xmat[i], pads.centre, pads.half) for i in fingers]
+    # Rotate each box into the tool frame, and take the box around it.
+    for body, position, rotation, centre, half in boxes:
+        turn = tool.rotation.T @ rotation.reshape(3, 3)
+        middle = tool.rotation.T @ (position - tool.position) + turn @ centre
+        yield body, np.array([middle - np.abs(turn) @ half, middle + np.abs(turn) @ half])
+
+
+def require_shapes(where: Path, mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
+    """Require that TCP and palm agree with the colliding shapes of the hand.
+
+    Raises:
+        InputError: they do not; the message names the figure and both files.
+    """
+    hand, end, fingers = sheet.hand, pads_end(model, sheet.hand), finger_bodies(model, sheet.hand)
+    boxes = list(tool_boxes(model, hand))
+    # The TCP is midway between the fingers, and before their end.
+    sides = np.array([box.mean(axis=0) for body, box in boxes if body in fingers])
+    x, y = ((sides.min(axis=0) + sides.max(axis=0)) / 2.0)[:2].tolist()
+    if max(abs(x), abs(y)) > MISPLACED or end < 0.0:
+        raise InputError(
+            f"{where}: 'hand.tcp' is not between the fingers of {mjcf}: their middle is at x {x:.4f}, y {y:.4f} m from "
+            f"it, and their end {end:.4f} m beyond it"
+        )
+    # Nothing that moves with the hand, except the fingers, reaches below the palm between them.
+    last, *slides = (int(model.joint(name).id) for name in (sheet.joints[-1], *hand.fingers))
+    room = np.array([hand.pad, hand.opening / 2.0])
+    for body, box in boxes:
+        is_hand = carries(model, last, body) and not any(carries(model, i, body) for i in slides)
+        is_between = bool((box[0, :2] < room).all() and (box[1, :2] > -room).all())
+        if is_hand and is_between and -box[1, 2] < hand.palm - MISPLACED:
+            raise InputError(
+                f"{where}: 'hand.palm' is {hand.palm:g} m, and in {mjcf} a shape of '{model.body(body).name}' is "
+                f"{-box[1, 2]:.4f} m above the TCP: objects would be pushed against it; give at most that"
+            )
 
 
 # Physics of a world that a robot needs.
