@@ -105,6 +105,6 @@ def test_a_desk_far_from_its_guess_stops_the_run_with_a_remedy(off: float, how: 
     run = measured(ONE, "the mass of the tin and the height of the desk", off)
     assert run.status != "complete"
     stopped = run.execution.stopped_by
-    assert f"what 'tin' stands on was measured {how} than the scene has it" in stopped
+    assert f"the support of 'tin' was measured {how} than in the scene" in stopped
     assert "for 'tin' and run again" in stopped
     assert run["desk.height"].values[0] == pytest.approx(TOP + off, abs=0.002)

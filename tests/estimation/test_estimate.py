@@ -92,7 +92,7 @@ def test_a_value_at_a_bound_is_no_measurement_but_a_limit():
     assert (
         found.doubt == "at most 0.95 N·m·s/rad (95 %): the 95 % interval reaches a physical bound"
     )
-    # The twin has the mean of what is possible.
+    # The twin has the mean of the possible values.
     held = found.physical
     assert 0.3 < float(held) < 0.5
     assert held.ci95 == pytest.approx((0.0, found.limits[0]))

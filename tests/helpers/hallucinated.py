@@ -185,7 +185,7 @@ FOUND: dict[str, tuple[str, str]] = {
     "a null step": (put(1, None), "children[1]"),
     "arguments in a box and beside it": (
         put(2, {"type": "MovePose", "pose": "cup_pose", "args": {"pose": "brick_pose"}}),
-        "beside 'type'",
+        "next to 'type'",
     ),
     "children by a name of their own": (
         plan(tree={"type": "Sequence", "body": [PLAN["tree"]]}),
@@ -233,7 +233,7 @@ FOUND: dict[str, tuple[str, str]] = {
                 "children": [{"type": "MoveJoints", "joints": [1e300] * 7}, {"type": "Swing"}],
             },
         ),
-        "in a Sequence",
+        "into a Sequence",
     ),
     "joints that are null": (put(0, {"type": "MoveJoints", "joints": [None] * 7}), "joints"),
     # Things that are not there.
@@ -262,8 +262,8 @@ FOUND: dict[str, tuple[str, str]] = {
     "a pose of emoji": (pose("☕ + ⬆"), "unknown pose"),
     "a very long pose": (pose("cup_pose" + " + z_offset" * 5000), "characters"),
     "an offset that is not there": (pose("cup_pose + height_offset"), "unknown offset"),
-    "a factor that is huge": (pose("cup_pose + 1e308*z_offset"), "not a sensible factor"),
-    "a factor that overflows": (pose("cup_pose + 1e999*z_offset"), "not a sensible factor"),
+    "a factor that is huge": (pose("cup_pose + 1e308*z_offset"), "exceeds 1000"),
+    "a factor that overflows": (pose("cup_pose + 1e999*z_offset"), "exceeds 1000"),
     "outside of the reach": (
         pose("cup_pose + 50*x_offset - 40*y_offset"),
         "out of the arm's reach",
@@ -305,8 +305,11 @@ FOUND: dict[str, tuple[str, str]] = {
     "nothing but home": (plan(tree=sequence(HOME)), "does not yield"),
     "a conversion alone": (plan(tree=sequence(HOME, MASS)), "MeasureForces"),
     "logged a hundred times": (added(6, *[dict(FORCES)] * 100), "remove it"),
-    "no tree, a promise": (plan(tree=None), "promised"),
-    "no tree, no word": (plan(tree=None, parameters=[], explanation=""), "say in 'explanation'"),
+    "no tree, a promise": (plan(tree=None), "has the parameters"),
+    "no tree, no word": (
+        plan(tree=None, parameters=[], explanation=""),
+        "explain in 'explanation'",
+    ),
     # Secrets.
     "a key repeated": (f"My key is {KEY}.", "no JSON object"),
     "a key for a type": (put(1, {"type": KEY}), "there is no"),

@@ -114,11 +114,11 @@ BAD: dict[str, tuple[str, str]] = {
     "another scene": (_elsewhere(), "the scene has no 'kettle'"),
     "null without a word": (
         '{"parameters": [], "explanation": " ", "tree": null}',
-        "say in 'explanation'",
+        "explain in 'explanation'",
     ),
     "promises without a tree": (
         '{"parameters": [{"object": "cup", "quantity": "mass"}], "explanation": "no", "tree": null}',
-        "is promised",
+        "the plan has the parameters",
     ),
     "nested too deep": (
         '{"tree": '

@@ -50,7 +50,7 @@ BOMBS = [
     (scene(flexible("200 200 200")), '<flexcomp name="cloth"> .* more than 4000 points'),
     (scene(replicated("9", flexible("10 10 10"))), "more than 4000 points"),
     (scene(replicated("9", '<flexcomp name="a" type="grid"/>')), "more than 4000 points"),
-    (scene(head='<size memory="100G"/>'), 'memory="100G" is larger than is built; at most 512M'),
+    (scene(head='<size memory="100G"/>'), 'memory="100G" is too large; at most 512M'),
     (scene(head='<size nuser_body="100000000"/>'), "nuser_body=.*at most 1000"),
     (scene(head='<size nkey="1e7"/>'), "nkey=.*at most 1000"),
     (scene(head='<option iterations="2000000000"/>'), "iterations=.*at most 10000"),
@@ -73,7 +73,7 @@ BOMBS = [
     ),
     (
         scene(head='<extension><plugin plugin="their.code"/></extension>'),
-        "the plugin 'their.code', which is code of its own; only MuJoCo's own",
+        "the plugin 'their.code', which is foreign code; only MuJoCo's own",
     ),
 ]
 
@@ -167,7 +167,7 @@ def test_attached_models_without_end_are_refused(tmp_path: Path) -> None:
         return f'<asset><model name="{name}" file="{name}.xml"/></asset>'
 
     (tmp_path / "self.xml").write_text(scene(head=model("self")), encoding="utf-8")
-    with pytest.raises(InputError, match=r"attaches self\.xml, of which it is a part"):
+    with pytest.raises(InputError, match=r"attaches self\.xml, which contains it"):
         load_scene(tmp_path / "self.xml")
     for i in range(20):
         twice = f'<asset><model name="a" file="{i + 1}.xml"/><model name="b" file="{i + 1}.xml"/></asset>'

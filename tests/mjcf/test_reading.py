@@ -266,7 +266,7 @@ def test_attached_models_are_found_from_any_working_directory(
 @pytest.mark.parametrize(
     ("root", "message"),
     [
-        ("mujocoinclude", "a part that other scenes include"),
+        ("mujocoinclude", "a part that scenes include"),
         ("robot", "not MJCF but URDF"),
         ("sdf", "not MJCF but SDF"),
         ("svg", "its root is <svg>"),

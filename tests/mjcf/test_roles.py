@@ -263,8 +263,8 @@ def test_a_cupboard_with_a_door_is_left_standing() -> None:
         (cup('rgba="? 0 0 1"'), "cannot be measured"),
         (cup("", pos="? 0"), "MuJoCo does not accept|too few"),
         ('<body name="a" euler="0 0 ?"><freejoint/><geom size="1"/></body>', "cannot be measured"),
-        ('<geom name="t" type="box" pos="? 0 0" size="1 1 1"/>', "only the height"),
-        ('<geom name="t" type="box" size="? 1 1"/>', "only the height|cannot be measured"),
+        ('<geom name="t" type="box" pos="? 0 0" size="1 1 1"/>', "for a surface's height"),
+        ('<geom name="t" type="box" size="? 1 1"/>', "for a surface's height|cannot be measured"),
         ('<camera name="c" pos="0 0 ?"/>', "cannot be measured"),
         (
             '<body name="t"><geom type="box" size="1 1 ?"/><geom type="box" size="1 1 ?"/></body>',
@@ -383,7 +383,7 @@ def test_an_attached_robot_makes_way_and_what_else_is_attached_stays(tmp_path: P
     assert [model.body(i).name for i in range(model.nbody)] == ["world", "s_shelf", "s_tin"]
     assert (model.nu, model.nexclude) == (0, 0)
     lines = remarks(found)
-    assert lines[0].startswith("Robot left out: 'panda'")
+    assert lines[0].startswith("Robot removed: 'panda'")
     assert [body.role for body in found.bodies.values()] == ["surface", "object"]
 
 
@@ -411,7 +411,7 @@ def test_of_what_is_attached_twice_the_first_stands_for_all(tmp_path: Path) -> N
         tmp_path,
     )
     assert list(found.bodies) == ["a_tin"]
-    assert any("not 'b_tin'" in line for line in remarks(found))
+    assert any("not at 'b_tin'" in line for line in remarks(found))
 
 
 def test_an_unknown_in_an_attached_model_is_one_of_the_scene(tmp_path: Path) -> None:

@@ -168,8 +168,8 @@ def test_a_mesh_is_the_object_in_its_own_frame() -> None:
         ({"pos": [0, 0, float("nan")]}, "finite"),
         ({"pos": [0, 0]}, "pos"),
         ({"quat": [0, 0, 0, 0]}, "no rotation"),
-        ({"covariance": np.diag([1, 1, 1, 1, 1, -1]).tolist()}, "no covariance"),
-        ({"covariance": np.triu(np.ones((6, 6))).tolist()}, "no covariance"),
+        ({"covariance": np.diag([1, 1, 1, 1, 1, -1]).tolist()}, "not a covariance"),
+        ({"covariance": np.triu(np.ones((6, 6))).tolist()}, "not a covariance"),
         ({"covariance": np.zeros((6, 6)).tolist()}, "standard deviation below"),
     ],
 )

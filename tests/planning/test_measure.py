@@ -46,7 +46,7 @@ def test_missing_is_everything_missing(desk: Scene) -> None:
         ("mgu.mass", "unknown object or surface in measure= 'mgu'; did you mean 'mug'"),
         ("mug.mas", "unknown quantity in measure= 'mas'; did you mean 'mass'"),
         ("mug", "measure=mug names no quantity"),
-        ("desk.mass", "'desk' is a surface, and the mass is measured of an object"),
+        ("desk.mass", "'desk' is a surface, and the mass is a quantity of an object"),
         ("x*.mass", "unknown object or surface"),
         ("", "measure= is empty"),
         (" , ", "measure= is empty"),

@@ -175,7 +175,7 @@ def test_the_bottle_that_was_slid_is_to_be_brought_back(height: float) -> None:
     around = table("bottle", approach=slid_to(0.5, -0.12, height))
     (finding,) = found(read(FRICTION), around, "bottle.mass", "bottle.friction")
     assert finding.rule == "not-restored"
-    assert "120 mm from where it was found" in finding.message
+    assert "120 mm from its original place" in finding.message
     back = FRICTION.replace("    → OpenGripper()\n    → MovePose(table_approach+z_off)", RETURN)
     assert found(read(back), around, "bottle.mass", "bottle.friction") == ()
 
@@ -189,8 +189,8 @@ def test_a_slide_into_the_table_is_refused_and_yields_no_friction(height: float)
     around = table("bottle", approach=slid_to(0.5, -0.12, height - 0.045))
     findings = found(read(FRICTION), around, "bottle.mass", "bottle.friction")
     dragged, released = [finding.message for finding in findings if finding.rule == "unsupported"]
-    assert "45 mm lower than where it stands" in dragged
-    assert "pressed 0.045 m into what is below it" in released
+    assert "45 mm lower than its support" in dragged
+    assert "pressed 0.045 m into its support" in released
     told = {finding.rule: finding.message for finding in findings}
     assert "write MovePose 'bottle_pose" in told["short-slide"]
     assert "bottle.friction" in told["undischarged"]

@@ -37,7 +37,7 @@ def test_fingers_close_only_when_open_and_on_something(start, make, after, reach
     assert "must be open before it closes" in close.requires(start)[0].message
     assert "not at a grasp pose" in close.requires(after(start, "OpenGripper"))[0].message
     assert (
-        "nothing is between the fingers at 'cup_pose + z_offset'"
+        "no object is between the fingers at 'cup_pose + z_offset'"
         in close.requires(after(start, *reached[:2]))[0].message
     )
     assert close.requires(after(start, *reached)) == []
@@ -108,7 +108,7 @@ def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", world=parse_scene(text))
     assert (
         done.execution.stopped_by
-        == "CloseGripper(): the fingers met no resistance: nothing is between them"
+        == "CloseGripper(): the fingers met no resistance: no object is between them"
     )
     state: SymbolicState = done.execution.final_state
     assert state.holding is None
@@ -121,8 +121,8 @@ def test_what_a_picture_shows_and_the_fingers_miss_is_told_with_its_place(perfor
     steps = ("OpenGripper", LIFT, AT, "CloseGripper")
     done = perform(*steps, scene=pictured, world=parse_scene(text))
     assert str(done.execution.stopped_by).endswith(
-        "nothing is between them; by the picture 'cup' is 60 x 40 x 100 mm and stands at "
-        "(0.500, 0.100) m: take a picture anew, or state its pose in poses.yaml"
+        "no object is between them; in the picture 'cup' is 60 x 40 x 100 mm, at "
+        "(0.500, 0.100) m: take a new picture, or state its pose in poses.yaml"
     )
 
 
@@ -134,8 +134,8 @@ def test_object_of_another_width_than_believed_is_released_before_it_is_lifted(
     )
     done = perform("OpenGripper", LIFT, AT, "CloseGripper", LIFT, world=slimmer)
     assert done.execution.stopped_by == (
-        "CloseGripper(): the fingers met something at 32.0 mm where 40.0 mm was believed, "
-        "-20 %: the object is not where it is believed, look again"
+        "CloseGripper(): the fingers closed to 32.0 mm instead of the expected 40.0 mm, "
+        "-20 %: the object is not at its believed pose; look again"
     )
     assert done.robot.state.width == pytest.approx(0.08, abs=1e-4)
     assert (
@@ -149,7 +149,7 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")
     steps = ("OpenGripper", above, at, "CloseGripper", above)
     done = perform(*steps, scene=believed, world=true)
-    assert "where 62.0 mm was believed" in str(done.execution.stopped_by)
+    assert "instead of the expected 62.0 mm" in str(done.execution.stopped_by)
     stands = done.robot.world.true_poses(["can"])["can"]
     assert stands.rotation[2, 2] > 0.999
     assert stands.distance_to(true.body("can").pose_world) < 5e-3
@@ -159,7 +159,7 @@ def test_a_can_between_the_edges_of_the_pads_is_let_go_where_it_stands(perform) 
     ("lower", "said"),
     [
         (0.0404, "MovePose(can_pose + x_offset): slip: the fingers closed from 61."),
-        (0.0407, "CloseGripper(): what the fingers met at 61.2 mm gave way to 5"),
+        (0.0407, "CloseGripper(): the object yielded from 61.2 to 5"),
     ],
 )
 def test_a_can_taken_by_its_rim_is_let_go_where_it_stands(lower, said) -> None:
@@ -203,7 +203,7 @@ def test_folded_fingers_touch_the_top_of_what_is_narrower_than_they_open(perform
 def test_fingers_fold_on_nothing_alone(start, make, after) -> None:
     fold = make("FoldFingers")
     at = after(start, "OpenGripper", ("MovePose", "cup_pose + z_offset"), ("MovePose", "cup_pose"))
-    assert "something is between the fingers" in fold.requires(at)[0].message
+    assert "an object is between the fingers" in fold.requires(at)[0].message
     folded = after(start, "OpenGripper", ("MovePose", "cup_top"), "FoldFingers")
     assert (folded.gripper, folded.holding) == ("closed", None)
     assert "must be open" in fold.requires(folded)[0].message

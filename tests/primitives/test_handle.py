@@ -49,7 +49,9 @@ def test_what_is_recorded_meanwhile_is_of_the_fixture_or_of_the_empty_hand(drawe
     assert (empty.holding, empty.place_of) == (None, "drawer")
 
 
-@pytest.mark.parametrize(("x", "z", "where"), [(0.75, 0.115, "in it"), (0.565, 0.09, "in its way")])
+@pytest.mark.parametrize(
+    ("x", "z", "where"), [(0.75, 0.115, "in it"), (0.565, 0.09, "in its path")]
+)
 def test_nothing_may_stand_in_it_or_in_its_way(drawer, x, z, where):
     text = drawer.text.replace("</worldbody>", MUG.format(x=x, z=z))
     (found,) = MoveHandle().violations(at(parse_scene(text)))
@@ -102,5 +104,5 @@ def test_a_limit_that_nobody_stated_is_met_slowly_and_said(tmp_path):
     plan = pp.load(known).plan(measure=["drawer.damping"])
     run = plan.run(world=world, noise="none", fast=True)
     assert run.status == "aborted"
-    assert "meets a limit after 2" in run.execution.stopped_by
+    assert "has a limit after 2" in run.execution.stopped_by
     assert run.execution.held.became == "put down"

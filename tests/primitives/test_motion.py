@@ -153,9 +153,9 @@ def test_a_probe_needs_a_place_a_surface_and_empty_fingers(start, make, after, r
         at="nowhere",
         pose_world_tcp=start.scene.symbols.resolve("cup_pose").translate((2, 0, 0)),
     )
-    assert "nothing is below 'nowhere'" in down.requires(beside)[0].message
+    assert "no surface or object is below 'nowhere'" in down.requires(beside)[0].message
     aside = make("MoveUntilContact", axis="+x").requires(beside)[0].message
-    assert "nothing to touch within 0.30 m" in aside
+    assert "no body within 0.30 m" in aside
     assert (
         "'cup' is in the gripper"
         in down.requires(after(start, *reached, "CloseGripper", LIFT))[0].message
@@ -228,7 +228,7 @@ def test_what_is_met_well_above_its_place_is_no_support(perform, scene, reached,
     over = ("MovePose", f"{there} + z_offset")
     done = perform(*reached, "CloseGripper", LIFT, over, ("MovePose", there), world=world)
     said = done.message("MovePose")
-    assert ("met a support 22 mm before" in said) == stopped
+    assert ("touched a support 22 mm before" in said) == stopped
     assert ("set down" in said, done.execution.final_state.holding) == (not stopped, "cup")
 
 
@@ -292,9 +292,7 @@ def test_a_probe_that_meets_nothing_fails_at_its_travel_limit(perform) -> None:
     # The table that the scene has is half a metre lower in the world.
     from_above = perform(TO_TABLE, ("MoveUntilContact", "-z"), world=cell(table=-0.53))
     assert from_above.execution.status == "stopped"
-    assert (
-        f"nothing touched within {PROBE_TRAVEL:.2f} m along -z" in from_above.execution.stopped_by
-    )
+    assert f"no contact within {PROBE_TRAVEL:.2f} m along -z" in from_above.execution.stopped_by
 
 
 HEAVIER = 0.03

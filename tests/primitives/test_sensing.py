@@ -116,7 +116,7 @@ def test_an_empty_or_foreign_buffer_is_refused_with_the_remedy(start, cls) -> No
     assert cls().requires(other) == cls().requires(start)
     idle = replace(start, buffers={cls.reads: Context("still")})
     complaint = cls().requires(idle)[0].message
-    assert f"is no evidence of a {cls.measures.label}" in complaint
+    assert f"has no evidence of a {cls.measures.label}" in complaint
     assert all(evidence.how in complaint for evidence in cls.measures.evidence)
 
 

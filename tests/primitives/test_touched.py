@@ -111,7 +111,7 @@ def test_a_probe_from_above_tells_the_height_of_the_top() -> None:
 def test_fingers_that_close_on_nothing_say_where_the_thing_was_seen() -> None:
     execution, _ = ended((0.5, -0.2, 0.05), "OpenGripper", *GRASP)
     assert (execution.stopped_by or "").endswith(
-        "nothing is between them; 'cup' was seen at (0.500, 0.100) m, to 12.0 mm (3 std)"
+        "no object is between them; 'cup' was seen at (0.500, 0.100) m, to 12.0 mm (3 std)"
     )
 
 

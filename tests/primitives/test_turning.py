@@ -135,7 +135,7 @@ def test_no_joint_comes_round_from_its_other_end(scene):
     clockwise = rotate_quaternion(level.quaternion, np.radians([[0.0, 0.0, 150.0]]))[0]
     far = replace(state, pose_world_tcp=Pose.of(level.position, clockwise))
     (refused,) = Turn(degrees=-150.0).violations(far)
-    assert "a joint of the arm comes to its end; Turn(degrees=150)" in str(refused)
+    assert "a joint of the arm reaches its limit; Turn(degrees=150)" in str(refused)
     assert Turn(degrees=150.0).violations(far) == []
 
 

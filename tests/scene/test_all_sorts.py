@@ -57,7 +57,7 @@ def test_references_to_a_removed_robot_are_removed() -> None:
           <tuple name="both"><element objtype="geom" objname="link"/></tuple></custom>""",
     )
     assert list(found.objects) == ["cup"]
-    (told,) = [line for line in remarks(found) if "Robot left out" in line]
+    (told,) = [line for line in remarks(found) if "Robot removed" in line]
     assert "1 tuple" in told
     assert "text" not in told
 
@@ -101,7 +101,7 @@ def test_a_height_field_is_as_high_as_its_highest_point() -> None:
     ("body", "advice"),
     [
         ('<body name="b"><joint type="hinge"/><geom size=".02" mass="?"/></body>', "<freejoint/>"),
-        ('<body name="b" mocap="true"><geom size=".02" mass="?"/></body>', "take mocap away"),
+        ('<body name="b" mocap="true"><geom size=".02" mass="?"/></body>', "remove mocap"),
     ],
 )
 def test_an_unknown_in_a_body_that_is_no_object_is_refused_with_the_reason(

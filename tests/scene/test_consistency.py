@@ -52,7 +52,7 @@ def test_a_stack_stands_on_a_surface_of_unknown_height() -> None:
     scene = stack("?", ".23", "?")
     assert scene.bodies["box"].bottom_z() == pytest.approx(0.26)
     (line,) = contradictions(scene.resolved)
-    assert line == "The z of 'box' is `?`: it is taken to stand on 'tin', whose z is written."
+    assert line == "The z of 'box' is `?`: it is assumed to be on 'tin', whose z is written."
     plan = SymbolicPlanner().plan(None, scene)
     assert {"table.height", "tin.mass", "box.mass"} <= set(map(str, plan.parameters))
     assert line in plan.notes
@@ -69,7 +69,7 @@ def test_in_a_bowl_an_object_stands_on_the_bottom() -> None:
 
 
 def test_of_two_open_heights_at_one_place_the_lower_is_asked_for() -> None:
-    with pytest.raises(PlanRejected, match="write the z of the lower one"):
+    with pytest.raises(PlanRejected, match="write the z of the lower body"):
         SymbolicPlanner().plan("how heavy is the box?", stack(".1", "?", "?"))
 
 
@@ -85,7 +85,7 @@ def test_objects_placed_by_a_keyframe(arm: str, x: str, moved: bool) -> None:
     qpos = f"{joint}{x} .1 .23 1 0 0 0"
     scene = read(arm + TABLE.format(".1") + TIN.format(".23"), tail=motor + HOME.format(qpos))
     assert bool(scene.resolved.description.roles.robots) == bool(arm)
-    found = [line for line in remarks(scene) if "keyframe 'home' places 'tin' elsewhere" in line]
+    found = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
     assert len(found) == moved
     assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(found)
 
@@ -125,7 +125,7 @@ def test_a_keyframe_that_is_no_numbers_is_refused() -> None:
 def test_a_keyframe_that_turns_an_object(quat: str, is_said: bool) -> None:
     qpos = f".5 .1 .23 {quat}"
     scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format(qpos))
-    found = [line for line in remarks(scene) if "keyframe 'home' places 'tin'" in line]
+    found = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
     assert bool(found) == is_said
 
 
@@ -139,7 +139,7 @@ def test_a_keyframe_that_mujoco_would_refuse_is_refused() -> None:
 def test_a_spring_on_an_objects_own_joint(stiffness: str, is_said: bool) -> None:
     joint = f'<joint type="free" stiffness="{stiffness}"/>'
     scene = read(TABLE.format(".1") + TIN.format(".23").replace("<freejoint/>", joint))
-    found = [line for line in remarks(scene) if "'tin' in the hand would not be its own" in line]
+    found = [line for line in remarks(scene) if "'tin' in the hand would be wrong" in line]
     assert bool(found) == is_said
 
 
@@ -152,6 +152,6 @@ def test_memory_that_the_file_reserves_does_not_matter() -> None:
 def test_a_number_that_mujoco_would_ignore_is_refused() -> None:
     tin = TIN.format(".23").replace("<geom", '<geom mass="NaN"')
     with pytest.raises(
-        InputError, match=r'<geom> .*mass="NaN" is no number; leave .* or write `\?`'
+        InputError, match=r'<geom> .*mass="NaN" is not a number; remove .* or write `\?`'
     ):
         read(TABLE.format(".1") + tin)

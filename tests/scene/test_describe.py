@@ -37,7 +37,7 @@ def test_an_object_slightly_above_its_support_is_let_down(gap: float) -> None:
 def test_an_object_that_poses_put_slightly_too_high_is_let_down_and_remarked() -> None:
     found = scene(mug(1.0), poses="objects: {mug: {pos: [0.5, 0, 0.28]}}")
     assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
-    assert any("let down onto it: 'mug'" in line for line in remarks(found))
+    assert any("onto the support just below: 'mug'" in line for line in remarks(found))
 
 
 def test_an_object_slightly_above_another_is_let_down_onto_it() -> None:
@@ -46,7 +46,7 @@ def test_an_object_slightly_above_another_is_let_down_onto_it() -> None:
 
 
 def test_an_object_far_above_everything_is_remarked() -> None:
-    with pytest.raises(PlanRejected, match="'mug' hangs in the air; say where it lies"):
+    with pytest.raises(PlanRejected, match="'mug' is in the air; correct its pos"):
         SymbolicPlanner().plan("how heavy is the mug?", scene(mug(0.06)))
 
 

@@ -69,7 +69,7 @@ def test_the_wrist_is_turned_before_the_arm_is_moved():
     (first,) = MovePose(pose="drawer_pose").requires(state)
     assert "the hand is not level; MoveJoints 'drawer_level'" in first.message
     (second,) = MoveJoints(joints="drawer_front").requires(state)
-    assert "the wrist is turned first" in second.message
+    assert "the wrist turns before the arm" in second.message
     level, front = (known.symbols.joints(f"drawer_{place}") for place in ("level", "front"))
     for share, felt in ((0.4, True), (0.7, False)):
         there = MoveJoints(joints=(level + share * (front - level)).tolist())

@@ -273,7 +273,7 @@ def test_poses_overrule_derived_symbols() -> None:
 
 def test_an_object_nobody_can_place_is_not_graspable() -> None:
     lost = '<body name="lost" pos="? ? 0.43"><freejoint/><geom type="box" size="0.02 0.02 0.03"/></body>'
-    assert "nobody knows where" in scene(lost).symbols.ungraspable["lost"]
+    assert "its pose is unknown" in scene(lost).symbols.ungraspable["lost"]
     assert scene(lost, poses="objects: {lost: {pos: [0.4, 0, 0.43]}}").symbols.ungraspable == {}
 
 

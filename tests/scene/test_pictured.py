@@ -233,11 +233,11 @@ def test_of_two_planes_the_one_below_the_thing_carries_it() -> None:
 @pytest.mark.parametrize(
     ("objects", "word"),
     [
-        (things()[1:], "shape 'plane'"),
+        (things()[1:], "as a 'plane'"),
         ((*things(), things()[1]), "'can' is listed twice"),
         (
             (things()[0], SceneObject("can", "sphere", (0.1, 0.1, 0.9, 0.2))),
-            "no sphere standing at",
+            "no sphere on a plane at",
         ),
     ],
 )

@@ -42,7 +42,7 @@ def test_orientations() -> None:
         ("[1, 2]", "needs keys: objects"),
         (
             "objects: {a: {poss: [1, 2, 3]}}",
-            "objects.a.poss is no key; an entry of 'objects' is a pose",
+            "objects.a.poss is not a key; an entry of 'objects' is a pose",
         ),
         ("objects: {a: 3}", "objects.a has no keys below it"),
         ("offsets: {h: {z: [1, 2]}}", "offsets.h should be a valid number"),

@@ -38,9 +38,9 @@ def test_elements_removed_with_the_robot_are_remarked() -> None:
     <keyframe><key qpos="1 0 0 0 0 0 0 0"/></keyframe>"""
     watcher = '<camera name="on" mode="targetbody" target="link"/>'
     lines = read(TABLE + BALL + ARM + watcher, after)
-    assert lines[0].startswith("Robot left out: 'arm'; the Franka Research 3")
+    assert lines[0].startswith("Robot removed: 'arm'; the Franka Research 3")
     assert "1 camera, 1 jointpos, 1 key, 1 keyframe, 1 motor" in lines[0]
-    assert lines[-1].startswith("Nothing is missing")
+    assert lines[-1].startswith("No value is missing")
 
 
 def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
@@ -50,7 +50,7 @@ def test_bodies_that_are_neither_object_nor_surface_are_remarked() -> None:
     assert "An object needs a body with a <freejoint/>" in lines[0]
     assert lines[1:] == (
         "There is no object. An object needs a body with a <freejoint/>, and no other joint.",
-        "There is no surface: nothing static has a name and a level top.",
+        "There is no surface: no static body has a name and a level top.",
     )
 
 
@@ -61,13 +61,13 @@ def test_a_body_that_is_no_robot_can_be_named_as_one() -> None:
     named = parse_scene(
         f"<mujoco><worldbody>{site}{door}</worldbody></mujoco>", robot_body=["door"]
     )
-    assert remarks(named)[0].startswith("Robot left out: 'door'")
+    assert remarks(named)[0].startswith("Robot removed: 'door'")
 
 
 def test_objects_out_of_reach_are_remarked_with_advice() -> None:
     far = BALL.replace('mass="0.1"', "").replace("0.5 0 0.25", "0.5 3 0.25")
     assert any(
-        "Out of the reach of the arm, which stands at (0.00, 0.00, 0.00) m: 'ball'" in line
+        "Out of reach of the arm at (0.00, 0.00, 0.00) m: 'ball'" in line
         and '<site name="robot_base" pos="x y z"/>' in line
         for line in read(TABLE + far)
     )
@@ -80,7 +80,7 @@ def test_static_bodies_that_are_no_surface_are_remarked() -> None:
     wall = '<geom name="wall" type="box" size=".01 .5 .5" pos="1 0 0"/>'
     ramp = '<geom name="ramp" type="box" size=".3 .3 .1" pos="1 0 0" euler="0 30 0"/>'
     lines = read('<site name="robot_base"/>' + wall + ramp + TABLE + BALL)
-    assert "'wall' (it is narrower than 0.1 m and carries nothing)" in lines[0]
+    assert "'wall' (it is narrower than 0.1 m and carries no object)" in lines[0]
     assert "'ramp' (its top is not level)" in lines[0]
     assert "An object needs a body with a <freejoint/>" in lines[0]
 
@@ -97,7 +97,7 @@ def test_a_body_that_no_hand_touches_leaves_the_rest(joint: str, mask: str) -> N
     scene = parse_scene(f"<mujoco><worldbody>{inside}</worldbody></mujoco>")
     assert list(scene.bodies) == ["table", "ball"]
     (line,) = remarks(scene)
-    assert "'ghost': no geom of it collides with the hand: give one contype" in line
+    assert "'ghost' is not measured: no geom of it collides with the hand: give one contype" in line
     plan = SymbolicPlanner().plan(None, scene)
     assert plan.tree is not None
     assert plan.notes == (line,)
@@ -107,14 +107,14 @@ def test_where_no_hand_touches_the_only_object_something_is_missing() -> None:
     ghost = GHOST.format(joint="freejoint", mask="0")
     scene = parse_scene(f"<mujoco><worldbody>{TABLE}{ghost}</worldbody></mujoco>")
     assert not any("Nothing is missing" in line for line in remarks(scene))
-    with pytest.raises(PlanRejected, match="Nothing is measured of 'ghost'"):
+    with pytest.raises(PlanRejected, match="'ghost' is not measured"):
         SymbolicPlanner().plan(None, scene)
 
 
 def test_a_free_body_without_a_shape_leaves_the_rest() -> None:
     frame = """<body name="frame"><freejoint/><site/>
     <inertial pos="0 0 0" mass="1" diaginertia=".1 .1 .1"/></body>"""
-    assert read(UNKNOWN + frame) == ("Nothing is measured of 'frame': it has no geom.",)
+    assert read(UNKNOWN + frame) == ("'frame' is not measured: it has no geom.",)
 
 
 def test_what_nothing_collides_with_is_no_surface() -> None:
@@ -128,7 +128,7 @@ def test_what_nothing_collides_with_is_no_surface() -> None:
     ("body", "reason"),
     [
         (GHOST.format(joint="freejoint", mask="0"), "no geom of it collides with the hand"),
-        ('<body name="ghost"><geom size=".03"/></body>', "'ghost' stands still; .*<freejoint/>"),
+        ('<body name="ghost"><geom size=".03"/></body>', "'ghost' is static; .*<freejoint/>"),
         ('<body name="ghost"><joint type="ball"/><geom size=".03"/></body>', "<freejoint/>"),
     ],
 )

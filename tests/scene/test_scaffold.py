@@ -45,7 +45,7 @@ def test_a_full_table_stands_apart(tmp_path):
 
 def test_existing_files_are_not_overwritten(made):
     before = made.scene.read_text()
-    with pytest.raises(InputError, match="is there already"):
+    with pytest.raises(InputError, match="exists already"):
         new_scene(made.scene.parent, ["cup"])
     assert made.scene.read_text() == before
 
@@ -53,7 +53,7 @@ def test_existing_files_are_not_overwritten(made):
 @pytest.mark.parametrize(
     ("names", "surface", "complaint"),
     [
-        (["7up"], "table", "letter first"),
+        (["7up"], "table", "starts with a letter"),
         (["cup", "cup"], "table", "called 'cup'"),
         (["table"], "table", "surface's name"),
         (["x"] * (MAX_THINGS + 1), "table", "too many"),

@@ -127,7 +127,7 @@ def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
     off = 100 * np.hypot(dx * WIDTH, dy * HEIGHT) / np.hypot(WIDTH, HEIGHT)
     told = (
         rf"the box of 'can', 12 % x 25 % of the image, shows bare table; .* 1[23] % x 2[45] %, is {off:.0f} % of .*: "
-        r"look again, and give the box of 'can', \[0.250, 0.250, 0.375, 0.500\] if that is it"
+        r"look again, and correct the box of 'can', perhaps to \[0.250, 0.250, 0.375, 0.500\]"
     )
     with pytest.raises(InputError, match=told):
         sharpen_boxes([TABLE, rough], painted(with_can()))

@@ -85,7 +85,7 @@ def test_a_mass_that_was_estimated_with_a_com_is_written_and_noted() -> None:
     twin = build(scene(), balanced)
     assert parse_scene(twin.xml).body("cup").known["mass"] == pytest.approx((0.341,))
     assert twin.notes == (
-        "cup.mass was not asked for; the twin holds 0.3410 ± 0.0010 kg, from cup.com",
+        "cup.mass was not requested; the twin holds 0.3410 ± 0.0010 kg, from cup.com",
     )
     asked = not_identified(Parameter("cup", "mass"), "kg", "It slipped.")
     assert "0.341" not in build(scene(), balanced, asked).diff.split("<custom>")[0]
@@ -110,7 +110,7 @@ def test_a_twin_never_holds_what_is_impossible() -> None:
     assert 0.0 < std < 0.004 < high
     (note,) = twin.notes
     assert note.startswith("cup.mass is prior-dominated: at most 0.0066 kg (95 %): ")
-    assert "the mean of what is possible" in note
+    assert "the mean of the possible values" in note
     assert twin.validation is not None
 
 

@@ -31,7 +31,7 @@ from palpate.mjcf.document import (
 )
 
 ELEMENTS, REPLICATED, COPIES = "elements", "replicated elements", "elements with all their copies"
-(POINTS, CELLS) = "points of flexible things", "cells of height fields"
+POINTS, CELLS = "points of flexible bodies", "cells of height fields"
 PIXELS, MESHES = "pixels of textures", "bytes of meshes"
 # Largest amounts in a scene.
 LIMITS: Mapping[str, int] = {
@@ -203,7 +203,7 @@ def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[t
             # Points of a flexible body: by the file's size, or by the lines of an OBJ.
             points = path.stat().st_size / _POINT_BYTES
             if path.suffix.lower() == ".obj":
-                content = read_bytes(path, LIMITS[MESHES], "points of a flexible thing")
+                content = read_bytes(path, LIMITS[MESHES], "points of a flexible body")
                 points = len(re.findall(rb"(?m)^[ \t]*v[ \t]", content))
             amounts.append((POINTS, _weight(named.element) * points))
     return found
@@ -277,22 +277,21 @@ def _require_sizes(element: Element, where: str) -> None:
     plugin = element.get("plugin")
     if plugin is not None and not plugin.startswith(_BUILT_IN):
         raise InputError(
-            f"{where}: {label(element)} needs the plugin '{plugin[:60]}', which is code of its own; "
-            f"only MuJoCo's own ('{_BUILT_IN}…') are used: take it out"
+            f"{where}: {label(element)} needs the plugin '{plugin[:60]}', which is foreign code; "
+            f"only MuJoCo's own plugins ('{_BUILT_IN}…') are loaded: remove it"
         )
 
 
 def _too_many(element: Element, where: str, what: str) -> InputError:
     return InputError(
-        f"{where}: with {label(element)} the scene has more than {LIMITS[what]} {what}, larger than "
-        "is built; use fewer"
+        f"{where}: with {label(element)} the scene has more than {LIMITS[what]} {what}; use fewer"
     )
 
 
 def _limit_error(element: Element, where: str, attribute: str, limit: object) -> InputError:
     value = (element.get(attribute) or "")[:40]
     return InputError(
-        f'{where}: {label(element)}: {attribute}="{value}" is larger than is built; at most {limit}'
+        f'{where}: {label(element)}: {attribute}="{value}" is too large; at most {limit}'
     )
 
 

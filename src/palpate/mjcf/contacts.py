@@ -108,9 +108,9 @@ def what_decides(body: BodyDescription) -> str:
     for geom, sliding in standing_contacts(body):
         own = float(model.geom_friction[geom, 0])
         if sliding == 0.0 < own:
-            return 'its contact with what it stands on is without friction (condim="1")'
+            return 'its contact with its support has no friction (condim="1")'
         if not np.isclose(sliding, own, rtol=1e-6):
-            return "what it stands on decides, by its priority or its larger friction"
+            return "its support decides, by priority or larger friction"
     return ""
 
 
@@ -249,8 +249,8 @@ def tied_to(body: BodyDescription) -> str:
             ends = (int(model.site_bodyid[ends[0]]), int(model.site_bodyid[ends[1]]))
         if len(own.intersection(ends)) == 1:
             (other,) = set(ends) - own
-            name = model.body(other).name or "something without a name"
-            return f"it is tied to '{name}' (<equality>), with which it was lifted"
+            name = model.body(other).name or "a body without a name"
+            return f"it is tied to '{name}' (<equality>), and was lifted with it"
     return hanging_force(body)
 
 
@@ -284,13 +284,13 @@ def hanging_force(body: BodyDescription) -> str:
         others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
         if np.linalg.norm(others) + resists > bound * weight:
             return (
-                "more than its weight acts on it while it is carried: a tendon, an actuator, "
-                "its own joint's stiffness, damping or friction, or a fluid"
+                "forces other than its weight act on it: a tendon, an actuator, its own joint's "
+                "stiffness, damping or friction, or a fluid"
             )
     # At LIFTING without rotation the bias force is gravity alone.
     pull = -data.qfrc_bias[moved] - (0.0, 0.0, -weight)
     if np.linalg.norm(pull) > NEGLIGIBLE * weight:
-        return "gravity does not pull it straight down (<option gravity>, or its flag)"
+        return "gravity is not vertical (<option gravity>, or its flag)"
     return ""
 
 

@@ -88,7 +88,7 @@ class Document:
         """Return the (first) worldbody; an `InputError` if there is none."""
         found = self.root.find("worldbody")
         if found is None:
-            raise InputError("the scene has no <worldbody>, so there is nothing in it")
+            raise InputError("the scene has no <worldbody>, so it is empty")
         return found
 
     def attached(self) -> dict[Path, Document]:

@@ -236,7 +236,7 @@ def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edi
     if own <= 0:
         least = "it must be above zero"
         if beside != 0.0:
-            least = f"the parts of which the file states it weigh {beside:.6g} kg"
+            least = f"the parts with a stated mass weigh {beside:.6g} kg"
         raise InputError(f"a mass of {mass:.6g} kg for '{body.name}' cannot be written; {least}")
     if body.elements.inertial is not None:
         yield Edit(body.elements.inertial, "mass", {0: number(own, std)})
@@ -276,7 +276,7 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
     """Yield the changes that make or complete an `<inertial>`."""
     if body.elements.parts:
         raise InputError(
-            f"'{body.name}' is made of several bodies; MJCF has no one place for its centre of mass"
+            f"'{body.name}' has several bodies; MJCF has no single place for its centre of mass"
         )
     # Mass and centre of mass: new values, else known ones, else those of the compiled model.
     mass = known.mass if mine.mass is None else mine.mass

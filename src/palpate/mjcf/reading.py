@@ -116,7 +116,7 @@ class _Reader:
         root = self.parse_text(text, where, self.path)
         if root.tag == "mujocoinclude":
             raise InputError(
-                f"{where} is a part that other scenes include (<mujocoinclude>); give a scene that does"
+                f"{where} is a part that scenes include (<mujocoinclude>); give a scene that includes it"
             )
         if (other := CONVERTED.get(str(root.tag))) is not None:
             raise InputError(f"{where} is not MJCF but {other}")
@@ -230,24 +230,24 @@ class _Reader:
                 name = str(origin / beside)
         what = f"{where}: {label(element)} names the file '{name[:200]}'"
         if self.folder is None or self.start is None:
-            raise InputError(f"{what}, but text alone has no folder")
+            raise InputError(f"{what}, but a scene from text has no folder")
         try:
             path = (self.folder.resolve() / name).resolve()
         except (OSError, RuntimeError, ValueError):
-            raise InputError(f"{what}, which is no path") from None
+            raise InputError(f"{what}, which is not a valid path") from None
         # Checked before the file's existence: a scene must not probe for files elsewhere.
         if self.home is not None:
             if not path.is_relative_to(self.home):
                 raise InputError(
-                    f"{what}, which is outside of '{self.home}', the folder that this scene's files are "
-                    f"read from; allow another with root={common(self.start, path)}, or move the file"
+                    f"{what}, which is outside of the scene's root folder '{self.home}'; "
+                    f"allow another with root={common(self.start, path)}, or move the file"
                 )
         elif not path.is_relative_to(self.start):
             root = common(self.start, path)
             if is_too_wide(root):
                 raise InputError(
-                    f"{what}; the nearest folder that holds it and the scene is '{root}', in which files "
-                    f"are only read with root={root}; or move the file beside the scene"
+                    f"{what}; the nearest common folder with the scene is '{root}', which is only read with "
+                    f"root={root}; or move the file next to the scene"
                 )
         if not path.exists():
             raise InputError(f"{what}, which does not exist ({path})")
@@ -257,7 +257,7 @@ class _Reader:
     def _read_attachment(self, path: Path, where: str) -> Document:
         """Read an attached model, with its own folder and the models that it attaches."""
         if path in self.within:
-            raise InputError(f"{where} attaches {path.name}, of which it is a part")
+            raise InputError(f"{where} attaches {path.name}, which contains it")
         # Models that attach one another double at each level: count every copy, read each file once.
         document, inside = self.attached.get(path, (None, 0))
         self.models += 1 + inside

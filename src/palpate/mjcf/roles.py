@@ -414,4 +414,4 @@ def _require_named_robots(document: Document, found: Roles) -> None:
     valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
     for name in document.robots:
         if name not in names:
-            raise unknown_name("body that a robot begins with", name, {*valid, NOBODY})
+            raise unknown_name("robot body", name, {*valid, NOBODY})

@@ -186,12 +186,9 @@ def plan_from(document: object) -> Plan:
     if outcome is not None and outcome not in OUTCOMES:
         _fail("outcome", f"must be one of {', '.join(OUTCOMES)}")
     if tree is not None and outcome not in (None, "measure"):
-        _fail("outcome", f"is '{outcome}', yet there is a tree; with a tree it is 'measure'")
+        _fail("outcome", f"is '{outcome}', but there is a tree; with a tree it must be 'measure'")
     if tree is None and outcome == "measure":
-        _fail(
-            "outcome",
-            "is 'measure', yet 'tree' is null; give a tree, or say what stands against it",
-        )
+        _fail("outcome", "is 'measure', but 'tree' is null; give a tree, or another outcome")
     # 'measure' and 'cannot' follow from the presence of a tree, so they are not stored.
     declared = None if outcome in (None, "measure", "cannot") else cast("Outcome", outcome)
     # Parameters that the author left out, with reasons.
@@ -348,10 +345,7 @@ def _frozen(value: object, path: str) -> object:
     if isinstance(value, list):
         return tuple(_frozen(item, path) for item in cast("list[object]", value))
     if isinstance(value, dict):
-        _fail(
-            path,
-            "is an object; arguments are texts, numbers or lists of them, written beside 'type'",
-        )
+        _fail(path, "is an object; arguments are texts, numbers or lists of them, next to 'type'")
     return _text(value, path) if isinstance(value, str) else value
 
 

@@ -102,9 +102,8 @@ class PlannerKind:
 def needs_scene(planner: str) -> InputError:
     """Error for a planner without a scene and without vision."""
     return InputError(
-        f"the {planner} planner needs a scene to work on: give an MJCF with scene=D.xml, or let a "
-        "model look at a picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its "
-        "camera)"
+        f"the {planner} planner needs a scene: give an MJCF with scene=D.xml, or use a model and a "
+        "picture: planner=PROVIDER:MODEL images=I.png poses=poses.yaml (with its camera)"
     )
 
 
@@ -178,7 +177,7 @@ def _parameter(name: str, scene: Scene) -> Parameter:
     if role != subject and not (subject == GRIPPER and role == "object"):
         raise InputError(
             f"measure={name}: '{object}' is a{'n' if role == 'object' else ''} {role}, and the "
-            f"{scene.catalogue[id].label} is measured of a{'n' if subject == 'object' else ''} {subject}"
+            f"{scene.catalogue[id].label} is a quantity of a{'n' if subject == 'object' else ''} {subject}"
             f"{'; ' + AN_OBJECT if (role, subject) == ('surface', 'object') else ''}"
         )
     return Parameter(object, id)

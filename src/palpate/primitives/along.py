@@ -114,8 +114,8 @@ def _way_of(
     # Shorter passes do not show how friction depends on speed.
     if farthest < LEAST:
         problem = (
-            f"'{name}' can move by {1e3 * max(farthest, 0.0):.0f} mm at its handle, and "
-            f"{1e3 * LEAST:.0f} mm are needed; leave it out, and explain"
+            f"'{name}' can move by {1e3 * max(farthest, 0.0):.0f} mm at its handle, and the measurement "
+            f"needs {1e3 * LEAST:.0f} mm; remove it, and explain"
         )
         return [Violation("unreachable", problem)]
     found: list[Violation] = []
@@ -131,8 +131,8 @@ def _violations(state: SymbolicState, name: str, way: Way) -> Iterator[Violation
     """Violations of a way: out of reach, the arm collides, or an object is near the fixture."""
     poses = [way.at(share) for share in way.shares]
     if not _bends_along(state, poses):
-        problem = f"the arm does not reach as far as the handle of '{name}' would go"
-        yield Violation("unreachable", f"{problem}; leave it out, and explain")
+        problem = f"the arm does not reach the whole path of the handle of '{name}'; remove it, and explain"
+        yield Violation("unreachable", problem)
         return
     yield from _hand_hits(state, name, poses)
     yield from _objects_met(state, name, way)
@@ -169,8 +169,8 @@ def _hand_hits(state: SymbolicState, name: str, poses: list[Pose]) -> Iterator[V
     if hit is not None:
         yield Violation(
             "collision",
-            f"on the way of '{name}' the arm's {hit.part.owner} would come too near to "
-            f"'{hit.other.owner}' at {hit.place}; go elsewhere, or leave it out, and explain",
+            f"on the path of '{name}' the arm's {hit.part.owner} would come too near to "
+            f"'{hit.other.owner}' at {hit.place}; choose another pose, or remove it, and explain",
         )
 
 
@@ -196,10 +196,10 @@ def _objects_met(state: SymbolicState, name: str, way: Way) -> Iterator[Violatio
         for i, motion in enumerate(motions):
             here = moving.at(motion.position[None], motion.rotation[None])
             if _near(shapes, moving.geoms, shapes.objects[other].geoms, here, there):
-                where = "in its way" if i else "in it or on it"
+                where = "in its path" if i else "in it or on it"
                 yield Violation(
                     "blocked",
-                    f"'{other}' stands {where} as '{name}' moves; {carry_away(other)}",
+                    f"'{other}' is {where} as '{name}' moves; {carry_away(other)}",
                 )
                 return
 

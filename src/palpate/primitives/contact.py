@@ -140,10 +140,10 @@ class MoveUntilContact(Primitive):
                 f"MovePose to '{state.contact}_{pose}' first"
             )
         if self.axis == "-z" and state.surface_below(state.pose_world_tcp) is None:
-            return f"nothing is below '{state.at}'; {starts(state)}"
+            return f"no surface or object is below '{state.at}'; {starts(state)}"
         if state.holding:
             return (
-                f"'{state.holding}' is in the gripper, and the fingertips probe; put it down first: "
+                f"'{state.holding}' is in the gripper, but empty fingertips probe; put it down first: "
                 f"MovePose '{above(state, state.grasp)}', MovePose '{state.grasp}', OpenGripper, "
                 f"MovePose '{above(state, state.grasp)}', MovePose '{state.at}'"
             )
@@ -224,7 +224,7 @@ class MoveUntilContact(Primitive):
                     yield from self._ease(blackboard, contact)
                 return f"contact after {1e3 * travelled:.0f} mm"
         raise LeafFailure(
-            f"nothing touched within {PROBE_TRAVEL:.2f} m along {self.axis}; "
+            f"no contact within {PROBE_TRAVEL:.2f} m along {self.axis}; "
             "start nearer, or probe another direction"
         )
 
@@ -279,7 +279,7 @@ def starts(state: SymbolicState) -> str:
     places = [f"'{name}_approach'" for name in names]
     if not places:
         return "go lower"
-    return f"a surface is probed with -z from near above: MovePose to {' or '.join(places)} first"
+    return f"a surface is probed with -z from just above: MovePose to {' or '.join(places)} first"
 
 
 def touch(state: SymbolicState, direction: Array, travel: float) -> tuple[Hit, Pose] | None:
@@ -313,7 +313,7 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     if first is None:
         yield Violation(
             PRECONDITION,
-            f"there is nothing to touch within {travel:.2f} m from '{state.at}'; {starts(state)}",
+            f"there is no body within {travel:.2f} m of '{state.at}'; {starts(state)}",
         )
         return
     hit, _ = first
@@ -321,8 +321,8 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     if hit.part.kind not in SIDES:
         yield Violation(
             "collision",
-            f"'{name}' would be met by the {hit.part.owner} and not by the fingertips; probe "
-            "from a pose above the middle of what is to be touched, clear of everything else",
+            f"the {hit.part.owner} would touch '{name}' before the fingertips; probe from a pose above "
+            "the middle of the body, clear of all others",
         )
 
 
@@ -368,7 +368,7 @@ class _Contact:
             return False
         force, here = self.course[-1]
         near = takewhile(lambda at: here.distance_to(at[1]) <= SOFT_DEPTH, reversed(self.course))
-        rise = force - min(felt for felt, _ in near)
+        rise = force - min(earlier for earlier, _ in near)
         return rise > CONTACT_FORCE or here.distance_to(self.course[0][1]) > left
 
     def depth(self) -> float:

@@ -139,7 +139,7 @@ class CloseGripper(Primitive):
         elif state.pose_world_tcp is None or state.is_bent or state.activity == "contact":
             problem = f"the gripper is not at a grasp pose; MovePose to {_nearest(state)} first"
         elif (body := state.object_at(state.pose_world_tcp)) is None:
-            problem = f"nothing is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
+            problem = f"no object is between the fingers at '{state.at}'; MovePose to {_nearest(state)} first"
         else:
             return ungraspable(state, body)
         return [Violation("gripper-state", problem)]
@@ -191,8 +191,8 @@ class CloseGripper(Primitive):
             yield from _open(blackboard)
             share = met / believed - 1.0
             raise LeafFailure(
-                f"the fingers met something at {1e3 * met:.1f} mm where {1e3 * believed:.1f} mm was "
-                f"believed, {100 * share:+.0f} %: the object is not where it is believed, look again"
+                f"the fingers closed to {1e3 * met:.1f} mm instead of the expected {1e3 * believed:.1f} mm, "
+                f"{100 * share:+.0f} %: the object is not at its believed pose; look again"
                 f"{_picture_advice(blackboard.state)}"
             )
         # At the full force, a large further travel shows that the object escapes.
@@ -200,8 +200,8 @@ class CloseGripper(Primitive):
         if met - width > YIELDS:
             yield from _open(blackboard)
             raise LeafFailure(
-                f"what the fingers met at {1e3 * met:.1f} mm gave way to {1e3 * width:.1f} mm as they "
-                "took hold: the object is not where it is believed, look again"
+                f"the object yielded from {1e3 * met:.1f} to {1e3 * width:.1f} mm under the full force: "
+                "it is not at its believed pose; look again"
                 f"{_picture_advice(blackboard.state)}"
             )
         blackboard.load = replace(blackboard.load, width=width)
@@ -211,7 +211,7 @@ class CloseGripper(Primitive):
         self, blackboard: Blackboard, force: float | None, least: float = -math.inf
     ) -> Generator[float | None, None, float]:
         """`grip` with a force, N, or the full one; returns the opening, m."""
-        missing = f"nothing is between them{_picture_advice(blackboard.state)}"
+        missing = f"no object is between them{_picture_advice(blackboard.state)}"
         return (yield from grip(blackboard, missing, force, least))
 
 
@@ -227,8 +227,8 @@ def _picture_advice(state: SymbolicState) -> str:
     wide, deep, high = 1e3 * body.size
     x, y, _ = state.pose_of(body.name).position
     return (
-        f"; by the picture '{body.name}' is {wide:.0f} x {deep:.0f} x {high:.0f} mm and stands at "
-        f"({x:.3f}, {y:.3f}) m: take a picture anew, or state its pose in poses.yaml"
+        f"; in the picture '{body.name}' is {wide:.0f} x {deep:.0f} x {high:.0f} mm, at "
+        f"({x:.3f}, {y:.3f}) m: take a new picture, or state its pose in poses.yaml"
     )
 
 
@@ -256,7 +256,7 @@ class FoldFingers(Primitive):
         elif state.pose_world_tcp is None or state.activity == "contact":
             problem = "the gripper is not in free air; MovePose to `<object>_top` first"
         elif state.object_at(state.pose_world_tcp) is not None:
-            problem = f"something is between the fingers at '{state.at}'; MovePose away first"
+            problem = f"an object is between the fingers at '{state.at}'; MovePose away first"
         return [Violation("gripper-state", problem)] if problem else []
 
     def effects(self, state: SymbolicState) -> SymbolicState:
@@ -266,7 +266,7 @@ class FoldFingers(Primitive):
         blackboard.robot.close_gripper(GENTLE)
         yield from finish_fingers(blackboard)
         if blackboard.robot.state.gripping:
-            raise LeafFailure("the fingers met something: what is between them is not believed")
+            raise LeafFailure("the fingers closed on an object that the scene does not have there")
         return f"folded to {1e3 * blackboard.robot.state.width:.0f} mm"
 
 
@@ -276,7 +276,7 @@ def _would_push(state: SymbolicState) -> Iterator[Violation]:
         return
     yield Violation(
         "gripper-state",
-        f"the folded fingers press on '{state.contact}' and would push it aside as they open; "
+        f"the folded fingers press on '{state.contact}' and would push it as they open; "
         f"MovePose to '{above(state, state.at)}' first",
     )
 

@@ -266,8 +266,8 @@ def wait_guarded_span(
         if np.linalg.norm(met) > least:
             before = 1e3 * (left + robot.state.pose_world_tcp.distance_to(span.end))
             raise LeafFailure(
-                f"unexpected contact: the hand pushes with {in_words(met)} on something "
-                f"{before:.0f} mm before the end of the way to '{goal}'"
+                f"unexpected contact: the hand pushes with {in_words(met)} on an obstacle "
+                f"{before:.0f} mm before '{goal}'"
             )
         yield None if np.isnan(wrench).any() else _soonest(blackboard, span, left, fastest)
     return False
@@ -337,7 +337,7 @@ def lower(blackboard: Blackboard, goal: str) -> Wait:
             blackboard.state = before
         if not stands:
             raise LeafFailure(
-                f"nothing bears '{blackboard.state.holding}' at '{goal}' or "
+                f"no support for '{blackboard.state.holding}' at '{goal}' or up to "
                 f"{1e3 * POSE_ERROR:.0f} mm below: it stays in the fingers"
             )
 

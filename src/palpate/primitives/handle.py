@@ -65,11 +65,11 @@ class _Working(Primitive):
             return [motion.unknown_start()]
         name = fixture_at(state)
         if name is None:
-            problem = "the gripper is at no handle; MovePose to `<fixture>_pose` first"
+            problem = "the gripper is not at a handle; MovePose to `<fixture>_pose` first"
         elif state.gripper != "open" or state.holding:
             problem = "the gripper must be open and empty; OpenGripper first"
         elif unfit := does_not_fit(state.scene, name):
-            problem = f"{unfit}; leave out what needs '{name}' moved, and explain"
+            problem = f"{unfit}; remove measurements that move '{name}', and explain"
             return [Violation("too-wide", problem)]
         else:
             return self.ways(state, name)
@@ -148,7 +148,7 @@ class FindLimits(_Working):
             yield from _run_up(blackboard, way)
             if not (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
                 raise LeafFailure(
-                    f"'{name}' meets no limit within {1e3 * way.length:.0f} mm, as far as the arm can move it"
+                    f"'{name}' has no limit within {1e3 * way.length:.0f} mm, the farthest that the arm can move it"
                 )
             # Convert the position of the TCP at the limit into the joint's coordinate.
             there = way.joint.travels(
@@ -237,8 +237,8 @@ def _short_of_limit(
         yield from _let_go(blackboard, way, held=True)
         met = 1e3 * (shorter.length + SPARE)
         raise LeafFailure(
-            f"'{name}' meets a limit after {met:.0f} mm that the scene does not state; {1e3 * (LEAST + SPARE):.0f} mm "
-            "are needed: open it, or state its range"
+            f"'{name}' has a limit after {met:.0f} mm that the scene does not state; the measurement needs "
+            f"{1e3 * (LEAST + SPARE):.0f} mm: open it, or state its range"
         )
     return shorter
 
@@ -268,8 +268,8 @@ def _pass(
             met = True
         elif abs(force) > MOST:
             raise LeafFailure(
-                f"it does not give way at {abs(force):.0f} N: it is stuck, locked, or at a limit that the "
-                "scene does not state"
+                f"it does not move at {abs(force):.0f} N: it is stuck, locked, or at a limit that the scene "
+                "does not state"
             )
         if held and not robot.state.gripping:
             raise LeafFailure("the handle slipped out of the fingers")

@@ -83,7 +83,7 @@ class FingerLoad:
         # The sign of joint friction at rest is random, so allow twice its effect.
         if change <= TURNED + SURE * doubt.of_change(self.doubt) + 2.0 * unrepeated:
             return None
-        return f"it turns in the fingers: its moment about them changed by {change:.2f} N m"
+        return f"it turns in the fingers: its moment changed by {change:.2f} N m"
 
     @property
     def weight(self) -> float:
@@ -111,12 +111,12 @@ class FingerLoad:
         # An object that never hung free: compare with the wrench of the empty fingers.
         if self.hanging is None:
             bears = self.borne(wrench)
-            return None if bears <= UNFELT - spare else f"the fingers still bear {bears:.1f} N"
+            return None if bears <= UNFELT - spare else f"the fingers still carry {bears:.1f} N"
         if self.support_load(wrench) >= max(UNFELT, (1.0 - BORNE) * self.weight) + spare:
             return None
         return (
-            f"the fingers are relieved of {self.support_load(wrench):.1f} N since it hung on them, and "
-            f"still bear the {self.weight:.1f} N"
+            f"the support carries {self.support_load(wrench):.1f} N, and the fingers still carry the rest of the "
+            f"{self.weight:.1f} N"
         )
 
     def support_load(self, wrench: Array) -> float:

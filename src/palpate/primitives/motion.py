@@ -93,7 +93,7 @@ class MovePose(Primitive):
             ge=LEAST_SPEED,
             le=1.0,
             description=(
-                "m/s, at most; left out, as fast as is safe. Forces measured on a slow way are less noisy"
+                "m/s, at most; by default as fast as is safe. Forces measured at low speed are less noisy"
             ),
         ),
     ] = None
@@ -211,8 +211,8 @@ class MovePose(Primitive):
         early = blackboard.robot.state.pose_world_tcp.distance_to(target)
         if early > POSE_ERROR:
             raise LeafFailure(
-                f"'{blackboard.state.holding}' met a support {1e3 * early:.0f} mm before "
-                f"'{self.pose}': something else is there"
+                f"'{blackboard.state.holding}' touched a support {1e3 * early:.0f} mm before "
+                f"'{self.pose}': another body is there"
             )
         return f"set down {1e3 * early:.1f} mm early"
 
@@ -229,7 +229,7 @@ class MovePose(Primitive):
             raise LeafFailure(
                 f"stopped {1e3 * distance:.1f} mm and {np.degrees(angle):.1f}° from '{self.pose}', "
                 f"more than {1e3 * POSITION_TOLERANCE:.0f} mm or {np.degrees(ANGLE_TOLERANCE):.0f}°: "
-                "something is in the way, or the pose is at the edge of the arm's reach"
+                "an obstacle is in the way, or the pose is at the edge of the arm's reach"
             )
         return f"within {1e3 * distance:.1f} mm"
 
@@ -339,7 +339,7 @@ def _weigh(blackboard: Blackboard) -> Wait:
     closing = scene.pose_world_base.rotation.T @ tool.rotation[:, 1]
     unsure = doubt(scene.arm, here.q, here.tau, closing)
     if reason := blackboard.load.turned(wrench, tool, unsure):
-        raise LeafFailure(f"'{name}' does not stay as it was grasped, {reason}")
+        raise LeafFailure(f"'{name}' moved in the grasp: {reason}")
     error = mistaken_weight(scene.arm, here.q, scene.pose_world_base.rotation.T @ [0.0, 0.0, 1.0])
     blackboard.load = blackboard.load.hung(wrench, tool, unsure, error)
     weight, payload = blackboard.load.weight, robot.limits.payload

@@ -125,9 +125,8 @@ def vocabulary() -> Vocabulary:
         # A conversion needs its quantity in the catalogue, or its estimate has no name.
         if cls.measures is not None and cls.measures.id not in catalogue():
             raise InputError(
-                f"{cls.__name__} measures '{cls.measures.id}', which is no quantity of the "
-                "catalogue; the package that brings it must name its module in the entry-point "
-                f"group {QUANTITIES}"
+                f"{cls.__name__} measures '{cls.measures.id}', which is not in the catalogue; its "
+                f"package must name the quantity's module in the entry-point group {QUANTITIES}"
             )
     return found
 

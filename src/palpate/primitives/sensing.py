@@ -77,8 +77,8 @@ class _Conversion(ConversionPrimitive):
         if self.subject(state) is not None or self.measures is None:
             return []
         problem = (
-            f"what `{self.reads}` holds is no evidence of a {self.measures.label}, so "
-            f"{type(self).__name__} has nothing to convert; first {self.measures.how}"
+            f"`{self.reads}` has no evidence of a {self.measures.label} for {type(self).__name__}; "
+            f"first {self.measures.how}"
         )
         if state.holding and not state.lifted and self.writer():
             lifted = above(state, state.grasp)

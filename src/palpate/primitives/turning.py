@@ -95,8 +95,8 @@ class _Turning(Primitive):
         # The load must hang free, and the hand touch nothing.
         if state.contact or (state.holding and not state.lifted):
             problem = (
-                f"{name} turns the hand in free air; lift what it holds, or leave "
-                f"what it touches: MovePose to '{above(state, state.at)}' first"
+                f"{name} turns the hand in free air; lift the held object, or end the contact: "
+                f"MovePose to '{above(state, state.at)}' first"
             )
             return [Violation("collision", problem)]
         return []
@@ -109,7 +109,7 @@ class _Turning(Primitive):
         # Each extreme rotation must be reachable and free of collisions.
         for pose in self._ends(state):
             if not solids(state.scene).reaches(pose):
-                problem = f"the arm cannot turn the hand as far at '{state.at}'"
+                problem = f"the arm cannot turn the hand so far at '{state.at}'"
                 return [Violation("unreachable", problem)]
             there = replace(state, pose_world_tcp=pose, joints=None)
             if state.holding is not None and held is not None:
@@ -118,9 +118,8 @@ class _Turning(Primitive):
             # A turn is not a guarded motion: it stays clear by the error of believed poses.
             if near_spans(state, here, pose, POSE_ERROR):
                 problem = (
-                    f"turned at '{state.at}' the hand, or what it holds, would come within "
-                    f"{1e3 * POSE_ERROR:.0f} mm of something; MovePose to "
-                    f"'{above(state, state.at)}' first"
+                    f"turned at '{state.at}', the hand or the held object would come within "
+                    f"{1e3 * POSE_ERROR:.0f} mm of a body; MovePose to '{above(state, state.at)}' first"
                 )
                 found.append(Violation("collision", problem))
         return found
@@ -211,9 +210,9 @@ class Tilt(_Turning):
                     other = "x" if self.about == "y" else "y"
                     yield Violation(
                         "unreachable",
-                        f"tilted about {self.about} by {self.degrees:g}° at '{state.at}', the arm's "
-                        "wrist comes so near to straight that what rubs in it is felt as a collision; "
-                        f'Tilt(about="{other}"), or go elsewhere',
+                        f"tilted about {self.about} by {self.degrees:g}° at '{state.at}', the wrist is so "
+                        "straight that its joint friction looks like a collision; "
+                        f'Tilt(about="{other}"), or choose another pose',
                     )
                     return
 
@@ -254,7 +253,7 @@ class Turn(_Turning):
             if now is not None and then is not None and np.abs(then - now).max() > most:
                 yield Violation(
                     "unreachable",
-                    f"turned by {self.degrees:g}° at '{state.at}', a joint of the arm comes to its end; "
+                    f"turned by {self.degrees:g}° at '{state.at}', a joint of the arm reaches its limit; "
                     f"Turn(degrees={-self.degrees:g})",
                 )
 
@@ -284,7 +283,7 @@ class Swing(_Turning):
         if found := super().requires(state):
             return found
         if state.scene.arm.pace.swinging_acceleration is None:
-            return [Violation("unreachable", "this arm's description does not let it swing")]
+            return [Violation("unreachable", "this arm's description does not allow a swing")]
         return [*self._too_fast(state), *self._twisting(state)]
 
     def _too_fast(self, state: SymbolicState) -> Iterator[Violation]:
@@ -301,7 +300,7 @@ class Swing(_Turning):
         if (rates > scene.arm.limits.dq_max[:, None]).any():
             yield Violation(
                 "unreachable",
-                f"swung at '{state.at}', the arm's joints would be too fast; go elsewhere",
+                f"swung at '{state.at}', the arm's joints would be too fast; choose another pose",
             )
 
     def _twisting(self, state: SymbolicState) -> Iterator[Violation]:

@@ -146,7 +146,7 @@ class Description:
         """Sentence with the reason why a body of the file is not measured; empty for others."""
         # Reasons by name of the body; the request may use a part of the name.
         roles = self.roles
-        found = {one: f"'{one}' stands still; {AN_OBJECT}" for one in self.refused}
+        found = {one: f"'{one}' is static; {AN_OBJECT}" for one in self.refused}
         for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
             found[body.get("name", "")] = _no_object(body, roles)
         for one, reason in found.items():
@@ -253,8 +253,8 @@ def _refuse_other_unknowns(
             is_number = element.tag in PHYSICAL and attribute not in NAMES
             if is_number and "nan" in tokens(text.lower()):
                 raise InputError(
-                    f'{label(element)}: {attribute}="{text[:60]}" is no number; leave the attribute out, or write '
-                    "`?` for a value to be measured"
+                    f'{label(element)}: {attribute}="{text[:60]}" is not a number; remove the attribute, or write '
+                    "`?` for a value to measure"
                 )
             if attribute == "name" or (attribute in INHERITED and in_default and catalogue):
                 continue
@@ -265,17 +265,16 @@ def _refuse_other_unknowns(
             if unknown and not catalogue:
                 raise InputError(
                     f'the world states no value of {label(element)}: {attribute}="{text[:60]}"; a world is simulated '
-                    "as MuJoCo compiles it: write a number or remove the attribute, or give no world, and the "
-                    "unknowns of the scene are drawn from priors"
+                    "as MuJoCo compiles it: write a number or remove the attribute. Without a world, unknowns "
+                    "of the scene are drawn from priors"
                 )
             if unknown:
                 reason = _no_object(element, roles)
                 raise InputError(
                     f'{label(element)}: {attribute}="{text[:60]}" cannot be measured; '
-                    f"{reason}{'; ' * bool(reason)}`?` may stand for an object's mass, density, "
-                    "friction, <inertial>, pos, and size where it is one shape whose z is known; of a "
-                    "surface only the height can be measured: z in pos, or half height in size; of a drawer's or "
-                    "door's joint damping, frictionloss, stiffness and range"
+                    f"{reason}{'; ' * bool(reason)}`?` may stand for an object's mass, density, friction, <inertial>, "
+                    "pos, and size if it is one shape whose z is known; for a surface's height: z in pos, or half "
+                    "height in size; for damping, frictionloss, stiffness and range of a drawer's or door's joint"
                 )
 
 
@@ -285,17 +284,17 @@ def _no_object(element: Element, roles: Roles) -> str:
         called = body.get("name") or "its body"
         if body in roles.ignored:
             return (
-                f"'{called}' has joints that are not free: with a <freejoint/> in their place it "
-                "would be an object, with a name and one slide or hinge joint a drawer or a door"
+                f"'{called}' has joints that are not free: an object has a <freejoint/> instead, a drawer or "
+                "door a name and one slide or hinge joint"
             )
         if any(body is one.element and one.role == "fixture" for one in roles.bodies.values()):
-            return f"'{called}' slides or turns on a joint: with a <freejoint/> in its place it would be an object"
+            return f"'{called}' slides or turns on a joint: an object has a <freejoint/> instead"
         if body in roles.untouchable:
-            return f"'{called}' is no object: {roles.untouchable[body]}"
+            return f"'{called}' is not an object: {roles.untouchable[body]}"
         if body in roles.replicated:
-            return f"'{called}' has parts that one line makes several of: write each of them"
+            return f"'{called}' has parts that one element copies: write each of them"
         if body.get("mocap") == "true":
-            return f"'{called}' is a mocap body, which nothing moves: take mocap away"
+            return f"'{called}' is a mocap body, which contacts do not move: remove mocap"
     return ""
 
 
@@ -305,8 +304,7 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
         element = roles.bodies[name].element
         if roles.bodies[name].moved_by() is not None or element.get("fromto"):
             raise InputError(
-                f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot "
-                "move it"
+                f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot move it"
             )
         pose = entry.body_pose()
         position = _format_numbers(pose.position)
@@ -393,7 +391,7 @@ def _no_surface(body: BodyDescription) -> str:
     if np.max(extent) < MOUNT and _carries(body, body.shapes.base().position):
         return "the arm stands on it"
     if np.min(extent) < CARRYING:
-        return f"it is narrower than {CARRYING:g} m and carries nothing"
+        return f"it is narrower than {CARRYING:g} m and carries no object"
     return ""
 
 

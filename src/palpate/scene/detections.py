@@ -55,12 +55,10 @@ def planes_and_things(
     """Sort detections into planes and objects; an `InputError` without a plane, or for a name given twice."""
     for name, following in pairwise(sorted(thing.name for thing in objects)):
         if name == following:
-            raise InputError(f"scene: '{name}' is listed twice; give every thing a name of its own")
+            raise InputError(f"scene: '{name}' is listed twice; give every object its own name")
     planes = [thing for thing in objects if thing.shape == "plane"]
     if not planes:
-        raise InputError(
-            "scene: nothing is listed that the things stand on; list it with the shape 'plane'"
-        )
+        raise InputError("scene: no support is listed; list what carries the objects as a 'plane'")
     return planes, [thing for thing in objects if thing.shape != "plane"]
 
 
@@ -277,8 +275,8 @@ def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array)
     shown = ", ".join(f"{edge:.3f}" for edge in box.ravel().tolist())
     raise InputError(
         f"scene: the box of '{thing.name}', {100 * (right - left):.0f} % x {100 * (bottom - top):.0f} % of the image, "
-        f"shows bare table; the nearest thing of about its size, {wide:.0f} % x {high:.0f} %, is {off:.0f} % of "
-        f"the image's diagonal away: look again, and give the box of '{thing.name}', [{shown}] if that is it"
+        f"shows bare table; the nearest region of about its size, {wide:.0f} % x {high:.0f} %, is {off:.0f} % of "
+        f"the image's diagonal away: look again, and correct the box of '{thing.name}', perhaps to [{shown}]"
     )
 
 

@@ -226,8 +226,8 @@ def fixtures_without_grasp(
     They have no `given` grasp and no geom with a name of a handle, and the hand fits none of their geoms.
     """
     why = (
-        "; none of its colliding geoms is called a handle (handle, knob, grip, latch, lever), so that all of them "
-        "were tried: name one, or give a grasp in poses.yaml"
+        "; no colliding geom has the name of a handle (handle, knob, grip, latch, lever), so all were tried: "
+        "name one, or give a grasp in poses.yaml"
     )
     return {
         name: grasp.problem + why

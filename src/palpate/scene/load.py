@@ -72,8 +72,8 @@ def untouchable_reason(scene: Scene, name: str) -> str | None:
         return None
     side, z = "higher" if rise > 0 else "lower", float(scene.body(name).pose_world.position[2])
     return (
-        f"what '{name}' stands on was measured {1e3 * abs(rise):.0f} mm {side} than the scene has it, "
-        f"more than the 50 mm by which a guess may be off; write z {z:.3f} for '{name}' and run again"
+        f"the support of '{name}' was measured {1e3 * abs(rise):.0f} mm {side} than in the scene, more than "
+        f"the allowed 50 mm; write z {z:.3f} for '{name}' and run again"
     )
 
 

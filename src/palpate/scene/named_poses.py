@@ -200,7 +200,7 @@ def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses
             reasons[name] = grasp.problem
     for name in geometry.objects:
         if "position" in geometry.bodies[name].missing and name not in entries.objects:
-            reasons[name] = "nobody knows where it is; give its pose in poses.yaml"
+            reasons[name] = "its pose is unknown; give it in poses.yaml"
     return reasons
 
 

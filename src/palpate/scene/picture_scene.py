@@ -99,7 +99,7 @@ def _upright(
         misfit = float(np.abs(found.fun).max())
     if misfit > MISFIT * camera.height or np.hypot(*(start[:2] - foot)) > FAR:
         raise InputError(
-            f"scene: no {thing.shape} standing at z = {level:.3f} m fills the bbox of '{thing.name}' "
+            f"scene: no {thing.shape} on a plane at z = {level:.3f} m fits the bbox of '{thing.name}' "
             f"within {FAR:g} m of the camera; correct its shape, its bbox or the plane's height"
         )
     return _FITTED[thing.shape](thing, start, yaw)
@@ -287,8 +287,8 @@ class SceneBuilder:
         """The camera that took the picture; an `InputError` if the poses have none."""
         if self.poses.camera is None:
             raise InputError(
-                "a request without a scene needs the camera that took the picture: give its pos, quat, "
-                "fovy and size under 'camera' in poses=poses.yaml, or describe the scene with scene=D.xml"
+                "a request without a scene needs the picture's camera: give its pos, quat, fovy and size "
+                "under 'camera' in poses=poses.yaml, or give a scene with scene=D.xml"
             )
         return Camera.of(self.poses.camera)
 

@@ -189,7 +189,7 @@ _POSE = (
 )
 # Form of the entries below each key.
 _FORMS = {
-    "objects": f"{_POSE}; source: picture, stated or seen, and std in m, where it is unsure, or the pose's covariance",
+    "objects": f"{_POSE}; source: picture, stated or seen; std in m if it is uncertain, or the pose's covariance",
     "places": _POSE,
     "grasps": _POSE,
     "joints": "seven angles in rad",
@@ -215,7 +215,7 @@ def _complaint(invalid: ValidationError) -> str:
         return str(unknown_name("key", steps[0], _FORMS))
     # The kind of error as a predicate, then the expected form of the entry.
     what = {
-        "extra_forbidden": "is no key",
+        "extra_forbidden": "is not a key",
         "missing": "is missing",
         "dict_type": "has no keys below it",
         "model_type": "has no keys below it",
@@ -234,7 +234,7 @@ def _require_covariance(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:
     array = np.array(rows)
     rounding = 1e-6 * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=rounding) or np.linalg.eigvalsh(array)[0] < -rounding:
-        raise ValueError("is no covariance")
+        raise ValueError("is not a covariance")
     return rows
 
 

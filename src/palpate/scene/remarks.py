@@ -40,20 +40,20 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
     total = compiler_settings(scene.document.root).get("settotalmass", "")
     if total and not total.strip().startswith("-"):
         yield (
-            f'<compiler settotalmass="{total}"> scales every mass: no mass acts as it '
-            "is written, and a measured one cannot be stated; remove it."
+            f'<compiler settotalmass="{total}"> scales every mass, so a measured mass cannot be written; '
+            "remove it."
         )
     # Bodies that no plan may touch.
     for untouchable, reason in scene.description.roles.untouchable.items():
         called = untouchable.get("name")
         shown = f"'{called}'" if called else label(untouchable)
-        yield f"Nothing is measured of {shown}: {reason}."
+        yield f"{shown} is not measured: {reason}."
     # Keyframes that place objects elsewhere, and bodies inside each other.
     for key, names in placed_by_keyframes(scene).items():
         listed = ", ".join(f"'{name}'" for name in names)
         yield (
-            f"The keyframe '{key}' places {listed} elsewhere than the file's pos, or turned. Keyframes are not "
-            "read: write the places into pos and quat, or give them by --poses."
+            f"The keyframe '{key}' moves or turns {listed} away from the file's pos. Keyframes are not "
+            "read: write the poses into pos and quat, or give them by --poses."
         )
     for sentence in overlaps(scene).values():
         yield f"{sentence}."
@@ -64,7 +64,7 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
             for other in (replace(other, shapes=scene.shapes) for other in body.objects()):
                 apart = abs(other.top_z - placed.bottom_z)
                 if apart < MOVED and other.reaches_over(placed.footing()):
-                    yield f"The z of '{name}' is `?`: it is taken to stand on '{other.name}', whose z is written."
+                    yield f"The z of '{name}' is `?`: it is assumed to be on '{other.name}', whose z is written."
 
 
 def overlap_of(scene: ResolvedScene, name: str) -> str:
@@ -90,11 +90,11 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
         remedy = "correct the pos of one of them"
         if _has_open_z(scene, first) or _has_open_z(scene, second):
             remedy = (
-                "one whose z is `?` stands on the surface below it, or on an object there whose z is "
-                "written; write the z of the lower one"
+                "a body with z `?` is placed on the surface below it, or on an object there whose z is "
+                "written; write the z of the lower body"
             )
         found[first, second] = (
-            f"'{first}' and '{second}' overlap by {1e3 * depth:.0f} mm where the scene has them: {remedy}"
+            f"'{first}' and '{second}' overlap by {1e3 * depth:.0f} mm in the scene: {remedy}"
         )
     return found
 
@@ -182,9 +182,9 @@ def _robots(scene: Scene) -> Iterator[str]:
     # Elements elsewhere in the file that refer to the removed robot go as well.
     removed = removed_with_robots(scene.resolved.document, roles)
     listed = ", ".join(f"{number} {tag}" for tag, number in sorted(removed.items()))
-    references = f" With it went what refers to it: {listed}." if listed else ""
+    references = f" Its references are removed too: {listed}." if listed else ""
     yield (
-        f"Robot left out: {_names(map(_label, roles.robots))}; the {scene.arm.label} takes its place."
+        f"Robot removed: {_names(map(_label, roles.robots))}; the {scene.arm.label} replaces it."
         f"{references}"
     )
     # A drawer with a motor looks like a robot.
@@ -203,8 +203,8 @@ def _base(scene: Scene) -> Iterator[str]:
     no_site = scene.resolved.document.root.find(f".//site[@name='{BASE_SITE}']") is None
     if no_site and not robots:
         yield (
-            f"There is no site '{BASE_SITE}' and no robot: the arm is taken to stand at the origin. "
-            f"Where it does not, add {SITE} to the worldbody."
+            f"There is no site '{BASE_SITE}' and no robot: the arm's base is assumed at the origin. "
+            f"If it is elsewhere, add {SITE} to the worldbody."
         )
     # Objects out of reach are often a sign of a wrong base.
     far: list[str] = []
@@ -218,8 +218,8 @@ def _base(scene: Scene) -> Iterator[str]:
         if no_site:
             advice = f"place it with {SITE} in the worldbody"
         yield (
-            f"Out of the reach of the arm, which stands at ({x:.2f}, {y:.2f}, {z:.2f}) m: "
-            f"{_names(map(_quote, far))}. Where that is not so, {advice}."
+            f"Out of reach of the arm at ({x:.2f}, {y:.2f}, {z:.2f}) m: "
+            f"{_names(map(_quote, far))}. If the arm is elsewhere, {advice}."
         )
 
 
@@ -230,9 +230,9 @@ def _others(scene: Scene) -> Iterator[str]:
     if roles.ignored:
         advice = ""
         if not roles.robots:
-            advice = " If one of them is a robot, say so: --robot-body NAME."
+            advice = " If one of them is a robot, give --robot-body NAME."
         yield (
-            "Neither object nor surface nor robot, as they have joints that are not free: "
+            "Ignored, because of joints that are not free: "
             f"{_names(map(_label, roles.ignored))}. {_sentence(AN_OBJECT)}{advice}"
         )
     # Models that are attached several times share one text.
@@ -242,8 +242,8 @@ def _others(scene: Scene) -> Iterator[str]:
         copies.append(f"'{attach.get('prefix') or ''}{content}'")
     if copies:
         yield (
-            "Of what is attached more than once, the first stands for all, as one file states it: not "
-            f"{_names(copies)}. Where one of them differs, give it a file of its own."
+            "A file attached more than once states one set of values, measured at the first copy: not at "
+            f"{_names(copies)}. If a copy differs, give it its own file."
         )
 
 
@@ -255,12 +255,9 @@ def _deviations(scene: Scene) -> Iterator[str]:
         yield f"The scene's {len(document.files)} files are read from below '{document.home}'."
     for name in scene.objects:
         if reason := scene.catalogue["mass"].overruled(description.bodies[name]):
-            yield f"What is measured of '{name}' in the hand would not be its own: {reason}."
+            yield f"A measurement of '{name}' in the hand would be wrong: {reason}."
     if description.lowered:
-        yield (
-            "Placed a little above what they stand on, and let down onto it: "
-            f"{_names(map(_quote, description.lowered))}."
-        )
+        yield (f"Lowered onto the support just below: {_names(map(_quote, description.lowered))}.")
 
 
 def _physics(scene: Scene) -> Iterator[str]:
@@ -381,12 +378,12 @@ def _copies(scene: Scene) -> Iterator[str]:
             copied.append(name)
     if copied:
         yield (
-            "Of the copies that <replicate> makes, the first stands for all: "
+            "Of the copies made by <replicate>, the first represents all: "
             f"{_names(map(_quote, copied))}."
         )
     if description.roles.replicated:
         yield (
-            "No objects, as <replicate> makes their parts of one line: "
+            "Not objects, because one element in <replicate> makes several parts: "
             f"{_names(map(_label, description.roles.replicated))}."
         )
 
@@ -395,7 +392,7 @@ def _refusal_remarks(scene: Scene) -> Iterator[str]:
     refused = scene.resolved.description.refused
     if refused:
         reasons = [f"'{name}' ({reason})" for name, reason in refused.items()]
-        yield f"Stands still and is no surface: {_names(reasons)}. {_sentence(AN_OBJECT)}"
+        yield f"Static but not a surface: {_names(reasons)}. {_sentence(AN_OBJECT)}"
 
 
 def _contradictions(scene: Scene) -> Iterator[str]:
@@ -407,11 +404,11 @@ def _why_nothing(scene: Scene) -> Iterator[str]:
     if not scene.objects:
         yield f"There is no object. {_sentence(AN_OBJECT)}"
     if not scene.surfaces:
-        yield "There is no surface: nothing static has a name and a level top."
+        yield "There is no surface: no static body has a name and a level top."
     if scene.bodies and not scene.missing and not scene.resolved.description.roles.untouchable:
         yield (
-            "Nothing is missing: the file states all that palpate would measure unasked. What is "
-            "written `?` is measured, and what a request asks for with --remeasure."
+            "No value is missing, so there is nothing to measure by default. Write `?` for a value to "
+            "measure, or request a stated one with --remeasure."
         )
 
 

@@ -76,8 +76,8 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
     # More objects than places in front of the arm.
     if len(names) > MAX_THINGS:
         raise InputError(
-            f"{len(names)} objects are too many to begin with: at most {MAX_THINGS} fit in front of the arm; "
-            "add the others to the file by hand"
+            f"{len(names)} objects are too many: at most {MAX_THINGS} fit in front of the arm; "
+            "add the others to the file yourself"
         )
     # Fill the rows from near to far, each from its middle outwards.
     places = [(x, y) for x in _ROWS for y in _COLUMNS]
@@ -85,7 +85,7 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
     for name, place in zip(names, places, strict=False):
         name = identifier(name)
         if name in found:
-            raise InputError(f"two objects are called '{name}': give each a name of its own")
+            raise InputError(f"two objects are called '{name}': give each its own name")
         words = name.lower().split("_")
         # The last word is the noun: a `box_cutter` is a cutter.
         kind = next((word for word in reversed(words) if word in kinds()), "")
@@ -104,8 +104,8 @@ def identifier(text: str) -> str:
     name = re.sub(r"\W+", "_", text.strip()).strip("_")
     if not name or not name[0].isalpha() or len(name) > MAX_NAME:
         raise InputError(
-            f"'{text[:MAX_NAME]}' cannot be an object's name: it needs a letter first, then letters, digits or "
-            f"'_', at most {MAX_NAME} of them, for example 'red_mug'"
+            f"'{text[:MAX_NAME]}' cannot be an object's name: a name starts with a letter and has at most "
+            f"{MAX_NAME} letters, digits or '_', for example 'red_mug'"
         )
     return name
 
@@ -185,7 +185,7 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
     things = place_objects(names)
     # One name space for all bodies, as MuJoCo requires.
     if surface in {thing.name for thing in things}:
-        raise InputError(f"'{surface}' is the surface's name: give the object another one")
+        raise InputError(f"'{surface}' is the surface's name: give the object another name")
     # The model's name is that of the folder, without characters special to XML.
     letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
     model = "".join(letters) or "scene"
@@ -199,7 +199,7 @@ def written(folder: Path, texts: Mapping[str, str]) -> None:
     """Write all files, or none and raise an `InputError` if one of them exists."""
     for name in texts:
         if (folder / name).exists():
-            raise InputError(f"'{folder / name}' is there already: name another folder")
+            raise InputError(f"'{folder / name}' exists already: choose another folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         for name, text in texts.items():

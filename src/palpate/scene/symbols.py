@@ -157,7 +157,7 @@ class Symbols:
             factor = float(match[2].replace("−", "-")) if match[2] else 1.0
             if not math.isfinite(factor) or abs(factor) > 1000:
                 raise InputError(
-                    f"'{match[2][:40]}' in pose expression '{text}' is not a sensible factor"
+                    f"the factor '{match[2][:40]}' in pose expression '{text}' exceeds 1000"
                 )
             offset = self._offset_name(match[3])
             terms[offset] = terms.get(offset, 0.0) + (factor if match[1] == "+" else -factor)
@@ -220,9 +220,7 @@ class Symbols:
         if found is None:
             why = "there is no free place within reach"
             if name.endswith("_across"):
-                why = (
-                    f"turned a quarter, the hand does not fit '{self.subjects.get(name)}': no pose"
-                )
+                why = f"turned by 90°, the hand does not fit '{self.subjects.get(name)}': no pose"
             raise InputError(f"{why} for '{name}'; give one in poses.yaml")
         return found
 
@@ -359,7 +357,7 @@ def _vector(name: str, value: float | Iterable[float]) -> Array:
     axis = "xyz".find(name[0])
     if axis < 0 or not name.endswith("_offset"):
         raise InputError(
-            f"offset '{name}' is one number; only x_offset, y_offset, z_offset may be, "
+            f"offset '{name}' is one number; only x_offset, y_offset and z_offset may be, "
             "others are [x, y, z]"
         )
     return float(value) * np.eye(3)[axis]

@@ -62,7 +62,7 @@ def inject(
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
     document = description.document
     if texts.parts.keys() - set(document.includes.values()):
-        raise InputError("the values belong into attached models, which are separate files")
+        raise InputError("the values belong to attached models, which are separate files")
     return one_text(document, texts)
 
 
@@ -136,7 +136,7 @@ def complete(
     # Keyframes state whole poses, which stay.
     moved = any(parameter.quantity in ("position", "height") for parameter in fitting)
     if moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
-        notes.append("the keyframes keep the poses that they state")
+        notes.append("the keyframes keep their stated poses")
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
     return Completed(texts, tuple(notes), unwritten)
 
@@ -176,7 +176,7 @@ def values_to_write(
             written = [" ± ".join(round_to_std(part.value, part.std)) for part in parts]
             text = written[0] if size == 1 else f"({', '.join(written)})"
             held = f"the twin holds {text} {parts[0].unit or ''}".rstrip()
-            notes.append(f"{parameter} was not asked for; {held}, from {estimate.parameter}")
+            notes.append(f"{parameter} was not requested; {held}, from {estimate.parameter}")
     return values, notes
 
 
@@ -311,7 +311,7 @@ def misread(
         body = after.bodies.get(parameter.object)
         status = "missing" if body is None else quantity.status(body)
         if body is None or status == "missing":
-            yield parameter, "what is written leaves it open"
+            yield parameter, "the written text does not determine it"
             continue
         if reason := quantity.overruled(body):
             yield parameter, reason
@@ -333,6 +333,6 @@ def misread(
             wrote, got = (" ".join(f"{part:.6g}" for part in numbers) for numbers in (value, read))
             yield (
                 parameter,
-                f"with {wrote} {quantity.unit} written, MuJoCo reads {got} {quantity.unit}; "
-                "something else in the file decides it",
+                f"{wrote} {quantity.unit} is written, but MuJoCo reads {got} {quantity.unit}; "
+                "another statement of the file overrides it",
             )

@@ -94,9 +94,7 @@ def require_same(
         new = etree.Element(insert.tag, dict(insert.attributes))
         listed[document.index[insert.parent].number].insert(0, new)
     if content_of(before) != content_of(after):
-        raise InputError(
-            "the estimates cannot be written into this MJCF without changing more than their numbers"
-        )
+        raise InputError("the estimates cannot be written into this MJCF without other changes")
 
 
 def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:

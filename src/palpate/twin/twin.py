@@ -135,7 +135,7 @@ def build_twin(
         if estimate.verdict == "prior-dominated":
             note = f"{estimate.parameter} is prior-dominated: {estimate.doubt}"
             if (held := estimate.physical) is not estimate:
-                note += f"; the twin holds {as_text(held.values)} {held.unit}, the mean of what is possible"
+                note += f"; the twin holds {as_text(held.values)} {held.unit}, the mean of the possible values"
             notes.append(note)
     notes += pair_notes(scene, written)
     notes += [felt_note(scene, estimate) for estimate in on_the_way]
@@ -175,9 +175,8 @@ def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
             stated = surface_friction(scene.resolved.description.bodies[name])
             if low <= stated <= high:
                 yield (
-                    f"{estimate.parameter} is that of the pair with {name}, which the twin has; {name} itself is "
-                    f"stated to have {stated:g}, and where the larger of two decides, as in MuJoCo, "
-                    f"{estimate.parameter.object}'s own may be smaller"
+                    f"{estimate.parameter} is that of the pair with {name}, as in the twin; {name} states "
+                    f"{stated:g}, and MuJoCo uses the larger friction: {estimate.parameter.object}'s own may be smaller"
                 )
 
 
@@ -189,7 +188,7 @@ def felt_note(scene: Scene, felt: Estimate) -> str:
         f"{1e3 * felt.values[i]:.1f} ± {1e3 * felt.stds[i]:.1f} mm along {'xyz'[i]} for {1e3 * before[i]:.1f}"
         for i in told
     ]
-    return f"{felt.parameter} was felt on the way: {', '.join(parts)}; the twin holds it"
+    return f"{felt.parameter} was measured in the run: {', '.join(parts)}; it is in the twin"
 
 
 def touch(

@@ -59,14 +59,14 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
         # Word the presses: as measured, or with the interval that they miss.
         forces = ", ".join(f"{one.force:.2g}" for one in presses)
         depths = ", ".join(f"{1e3 * one.depth:.3g}" for one in presses)
-        text = f"{name} pressed as by the fingertips with {forces} N gives way by {depths} mm in the twin"
+        text = f"{name} under the fingertips with {forces} N yields by {depths} mm in the twin"
         if not all(one.agrees for one in presses):
             wanted = ", ".join(f"{1e3 * one.low:.3g} to {1e3 * one.high:.3g}" for one in presses)
-            yield f"{text}, where {wanted} mm were measured: its shapes or other contacts do not let it"
+            yield f"{text}, where {wanted} mm were measured: its shapes or other contacts prevent it"
             continue
         yield (
-            f"{text}, as measured; MuJoCo makes a contact stiffer with the mass of what presses and with its number "
-            f"of points: a free body of m kg at n points meets n m / {FINGERTIPS:g} of it"
+            f"{text}, as measured; in MuJoCo a contact's stiffness grows with the mass and the number of points of "
+            f"the pressing body: for a free body of m kg at n points it is n m / {FINGERTIPS:g} of this"
         )
         yield from sinking_notes(twin, name, float(estimate.values[0]))
 
@@ -128,7 +128,7 @@ def sinking_notes(twin: Scene, surface: str, stiffness: float) -> Iterator[str]:
         wanted = mass * twin.gravity / stiffness
         if abs(sinks - wanted) > ALIKE * wanted + SEEN:
             yield (
-                f"{name} sinks {1e3 * sinks:.1f} mm into {surface} in the twin, where its weight over the measured "
+                f"{name} sinks {1e3 * sinks:.1f} mm into {surface} in the twin; its weight over the measured "
                 f"stiffness is {1e3 * wanted:.1f} mm"
             )
 

@@ -281,5 +281,5 @@ def test_a_width_that_a_grasp_tells_on_the_way_corrects_a_size_that_is_unsure(tm
     assert sizes[felt] == pytest.approx(0.058, abs=3e-4)
     assert felt < 2
     assert sizes[1 - felt] == pytest.approx(0.06)
-    assert any("felt on the way" in note for note in run.twin.notes)
+    assert any("measured in the run" in note for note in run.twin.notes)
     assert load_scene(scene).body("box").seen is False

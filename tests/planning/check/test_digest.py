@@ -46,7 +46,7 @@ def test_a_blocked_grasp_is_one_finding_with_all_its_places() -> None:
 def test_a_strange_argument_of_every_node_is_one_short_finding() -> None:
     text = in_every_node(lambda node: node.update(comment="a step"))
     (found,) = findings(text, parse_scene(SCENE))
-    assert "'comment' is no argument of the 14 nodes that have it" in found
+    assert "'comment' is not an argument of 14 nodes that have it" in found
     assert len(found) < 250
 
 

@@ -23,14 +23,14 @@ def test_a_plan_is_refused_where_a_part_of_the_region_does_not_pass(bar):
     assert check(weighed, bar) == ()
     (finding,) = check(weighed, bench(BAR, BESIDE_ITS_END))
     assert finding.rule in ("blocked", "collision")
-    assert "'bar_balance' is found out by running and may be anywhere" in finding.message
+    assert "'bar_balance' is estimated in the run, between" in finding.message
     assert "'post'" in finding.message
 
 
 def test_an_object_put_down_elsewhere_than_its_grasp_is_not_restored(bar):
     carried = sequence(*START, *visit("bar_balance")[:5], *visit("bar_pose")[5:], HOME)
     found = {finding.rule: finding.message for finding in check(plan(carried), bar)}
-    assert "found out by running" in found["not-restored"]
+    assert "estimated in the run" in found["not-restored"]
 
 
 def test_a_motion_between_two_estimated_poses_is_refused():

@@ -471,7 +471,7 @@ def flat_nodes(tree: dict) -> list[dict]:
 def test_a_stated_parameter_without_the_mark_is_asked_for_it(scene: Scene) -> None:
     with Loopback(Says(anew()), Says(anew(again=True))) as server:
         planner(server).plan(AGAIN, scene)
-        assert 'or mark it "again": true if R wants it anew' in server.requests[1].user
+        assert 'or mark it "again": true if R requests a new measurement' in server.requests[1].user
 
 
 @pytest.mark.parametrize("mark", ["yes", 1, ["x"]])

@@ -148,7 +148,7 @@ def test_a_primitive_without_groundings_is_named_in_the_rejection(words) -> None
         bench(BOTTLE), [Parameter("bottle", "hollowness")], words(Tap, Shout, Sound2Hollowness)
     )
     assert made.tree is None
-    assert "Shout would need `groundings`" in made.failed[0].reason
+    assert "Shout must define `groundings`" in made.failed[0].reason
 
 
 def test_a_motion_of_a_third_party_is_judged_like_any_other() -> None:

@@ -160,7 +160,7 @@ def last_grasp(scene: Scene) -> str:
 def test_an_object_is_weighed_last_at_its_balance_point():
     assert last_grasp(bench(MALLET)) == "MovePose mallet_balance"
     told = planned(bench(MALLET), "the mass and the centre of mass of the mallet").explanation
-    assert "'mallet' is grasped last where the run finds it to balance." in told
+    assert "'mallet' is grasped last at the balance point that the run estimates." in told
 
 
 def test_the_balance_point_is_left_out_where_a_part_of_its_region_does_not_pass():
@@ -313,7 +313,7 @@ def test_a_refusal_says_why_and_advises_the_user() -> None:
       <geom name="table" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
       <body name="pan" pos=".5 0 .23"><freejoint/><geom type="box" size=".02 .02 .03" mass=".05"/>
         <geom type="cylinder" size=".1 .01" pos=".2 0 0"/></body></worldbody></mujoco>"""
-    with pytest.raises(PlanRejected, match=r"beside its centre of mass.*; lay it so that") as found:
+    with pytest.raises(PlanRejected, match=r"from its centre of mass.*; place it so that") as found:
         SymbolicPlanner().plan("the mass of the pan", parse_scene(pan))
     assert "MovePose" not in str(found.value)
 
@@ -384,7 +384,7 @@ def test_an_object_on_a_seam_is_slid_on_one_surface_and_put_back(one_body: bool)
     assert check(plan, scene) == ()
     assert recorded_slides(plan)
     assert all(pose.startswith("cup_temporary ") for pose in recorded_slides(plan))
-    assert "'cup' stands on several surfaces, and is slid on one" in plan.explanation
+    assert "'cup' is on several surfaces and slides on one" in plan.explanation
     # Neither is it dragged back across the seam.
     back = [str(value) for _, node in plan.tree.walk() for _, value in node.args][-4:]
     assert back == ["cup_pose + z_offset", "cup_pose", "cup_pose + z_offset", "home_config"]
@@ -396,5 +396,5 @@ def test_a_surface_of_several_shapes_of_one_friction_is_one_surface():
 
 
 def test_without_a_place_on_one_surface_a_friction_is_not_measured():
-    with pytest.raises(PlanRejected, match="on several surfaces, and there is no free place"):
+    with pytest.raises(PlanRejected, match="on several surfaces, and none has free space"):
         SymbolicPlanner(measure=FRICTION).plan(None, seam((0.3, 0.6), half=0.025))

@@ -104,7 +104,7 @@ def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
     before = replace(state, at="bottle_pose", pose_world_tcp=grasp)
     after = replace(before, at="away", pose_world_tcp=grasp.translate(tuple(way)))
     said = [one.message for one in violations(before, after)]
-    first = "it stands between the fingers; MovePose to 'bottle_pose + z_offset' first"
+    first = "it is between the fingers; MovePose to 'bottle_pose + z_offset' first"
     assert [message.endswith(first) for message in said] == [True] * pushes
     assert not is_cautious(before, after)
     up = replace(before, at="up", pose_world_tcp=grasp.translate((0.0, 0.0, 0.15)))

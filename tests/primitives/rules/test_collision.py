@@ -73,7 +73,7 @@ def test_body_measured_higher_is_kept_clear_of_from_then_on() -> None:
     there = APPROACH.translate((0.0, 0.0, -0.08))
     state = replace(after_touching(HIGHER), at=None)
     hits = collisions(state, replace(state, pose_world_tcp=there))
-    assert any("'bench' (measured 78 mm higher than the scene has it)" in h.message for h in hits)
+    assert any("'bench' (measured 78 mm higher than in the scene)" in h.message for h in hits)
     assert collisions(replace(state, scene=SCENE), replace(state, scene=SCENE)) == ()
 
 
@@ -97,7 +97,7 @@ def test_object_more_than_50_mm_from_its_guessed_height_is_not_touched() -> None
     above = MovePose(pose="bottle_pose + z_offset")
     assert above.violations(after_touching(0.05)) == []
     (found,) = above.violations(after_touching(HIGHER))
-    assert "measured 78 mm higher than the scene has it" in found.message
+    assert "measured 78 mm higher than in the scene" in found.message
     assert "write z 0.158 for 'bottle' and run again" in found.message
 
 

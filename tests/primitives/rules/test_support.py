@@ -41,7 +41,14 @@ def at(x: float, y: float, z: float, turn: float = 0.0) -> Pose:
 
 @pytest.mark.parametrize(
     ("y", "reason"),
-    [(0.3, None), (0.56, None), (0.592, "edge"), (0.6, "edge"), (0.615, "edge"), (0.7, "nothing")],
+    [
+        (0.3, None),
+        (0.56, None),
+        (0.592, "edge"),
+        (0.6, "edge"),
+        (0.615, "edge"),
+        (0.7, "no support"),
+    ],
 )
 def test_a_can_stays_where_its_centre_is_well_over_the_table(y: float, reason: str | None) -> None:
     found = stable(state(KNOWN), "can", at(0.5, y, 0.06))
@@ -130,7 +137,7 @@ def test_a_drag_ends_on_the_support_and_a_lift_is_none() -> None:
     assert not slides(before, after(-0.004, 0, 0))
     assert to(-0.1, 0, 0) is to(-0.1, 0, 0.05) is None
     assert "edge" in (to(0, 0.44, 0) or "")
-    assert to(-0.1, 0, -0.03) == "'there' is 30 mm lower than where it stands"
+    assert to(-0.1, 0, -0.03) == "'there' is 30 mm lower than its support"
 
 
 def test_an_object_is_clear_of_its_support_where_nothing_is_close_below_it() -> None:

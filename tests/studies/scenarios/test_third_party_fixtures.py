@@ -102,7 +102,7 @@ def test_a_drawer_without_a_handle_by_name_says_so(tmp_path):
     file = tmp_path / "objects/scene.xml"
     file.write_text(re.sub(r'name="handle\d"', "", file.read_text()))
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["drawer_link.damping"])
-    assert "none of its colliding geoms is called a handle" in plan.explanation
+    assert "no colliding geom has the name of a handle" in plan.explanation
 
 
 def test_a_tap_of_metaworld_is_measured(tmp_path):

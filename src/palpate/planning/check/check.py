@@ -48,18 +48,16 @@ def mm(length: float) -> str:
 _PARAMETERS = {
     "unknown-parameter": "Parameters name objects or surfaces of the scene, or `gripper`, and quantities of the "
     "catalogue.",
-    "unmeasurable": "A parameter is a measurable quantity of its kind of thing: of an object, a surface or the "
-    "gripper.",
+    "unmeasurable": "A parameter is a measurable quantity of its kind of body: object, surface or gripper.",
     "duplicate-parameter": "A parameter is listed once.",
-    "known": "What the scene states is no parameter and is not measured (unless asked for again).",
-    "requested": "Without a request the parameters are all that the scene leaves out, no more and no fewer.",
+    "known": "A value that the scene states is not measured, unless it is requested again.",
+    "requested": "Without a request, the parameters are exactly the missing values of the scene.",
     "undischarged": "The tree yields every parameter: by its conversion or, if it is derived, by all recordings "
     "that it needs. Without a tree there are no parameters.",
-    "redundant": "Nothing is measured or logged twice, or that no parameter needs; at another place, or another "
-    "grasp, it is not the same.",
-    "untouched": "Only objects of the parameters are grasped, those that block them, and tools that are held while "
-    "something else is measured; without parameters, one object that the explanation names.",
-    "no-explanation": "A plan without a tree says why.",
+    "redundant": "No measurement or log is repeated or unneeded; another place or grasp makes a different one.",
+    "untouched": "Only these are grasped: objects of the parameters, objects that block them, and tools held during "
+    "a measurement; without parameters, one object that the explanation names.",
+    "no-explanation": "A plan without a tree explains why.",
 }
 _FORM = {
     "unknown-primitive": "Every node's type is a primitive or composite of the vocabulary.",
@@ -68,38 +66,34 @@ _FORM = {
     "leaf-children": "Only composites have children.",
     "empty-composite": "A Sequence or Parallel has at least one child.",
     "one-owner": "At most one leaf below a Parallel moves the arm, and at most one the gripper.",
-    "buffer-unwritten": "A conversion comes after the sensing that fills its buffer, not beside it.",
+    "buffer-unwritten": "A conversion comes after the sensing that fills its buffer, not in parallel.",
 }
 _ACTIONS = {
     "unknown-symbol": "Poses, offsets and joint configurations are named by symbols of the scene.",
-    "unreachable": "The arm reaches every pose within its workspace and joint limits; Tilt keeps "
-    "the wrist from straight.",
-    "unknown-start": "Where a motion begins is known: a plan starts with MoveJoints to `home_config`; turning "
-    "begins at a pose.",
+    "unreachable": "The arm reaches every pose within its workspace and joint limits; Tilt keeps the wrist bent.",
+    "unknown-start": "Every motion starts at a known place: a plan with MoveJoints to `home_config`, a turn at a pose.",
     "gripper-state": "Fingers close only when open, at a pose, and on an object whose middle is within "
-    f"{mm(PUSHED)} of theirs across it; they open only when what they hold stands; they do neither beside a motion.",
-    "too-wide": "An object that is grasped fits the hand.",
-    "payload": "An object that is grasped is not known to be heavier than the payload.",
-    "twist": "A held object hangs near enough to its centre of mass not to twist in the grip.",
-    PRECONDITION: "What else a primitive requires holds. MoveUntilContact: from a pose, with empty fingers, "
-    f"something to touch within {1e3 * PROBE_TRAVEL:.0f} mm and its top no more than {mm(SINKING)} above the "
-    "fingertips, no contact yet. MoveJoints: between a level hand and one that points down, the wrist is turned "
-    "first. A conversion: the log shows its quantity; held still for a weight means "
-    f"lifted by more than {mm(LIFTED)}.",
-    "blocked": f"The hand, and what it holds, keeps {mm(BESIDE)} from every other object on its whole way; "
-    "what stands on it is carried away first.",
-    "collision": f"They keep {mm(ENTERED)} from what they pass between the fingers, {mm(FIXED)} from all that is "
-    f"fixed (up to {mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
-    f"{mm(ARM)} from everything; Tilt, Turn and Swing turn {mm(POSE_ERROR)} clear, in free air.",
+    f"{mm(PUSHED)} of theirs; they open only when the held object is supported; neither happens during a motion.",
+    "too-wide": "A grasped object fits the hand.",
+    "payload": "A grasped object is not known to exceed the payload.",
+    "twist": "The grasp is so near to the centre of mass that the object does not twist.",
+    PRECONDITION: "Other preconditions hold. MoveUntilContact: from a pose, with empty fingers, no contact yet, and "
+    f"a body within {1e3 * PROBE_TRAVEL:.0f} mm whose top is at most {mm(SINKING)} above the fingertips. "
+    "MoveJoints: between a level hand and one that points down, the wrist turns first. Conversion: the log is "
+    f"evidence of its quantity; for a weight, the object is lifted by more than {mm(LIFTED)}.",
+    "blocked": f"Hand and held object keep {mm(BESIDE)} from every other object on the whole path; objects "
+    "on top are carried away first.",
+    "collision": f"They keep {mm(ENTERED)} from an object between the fingers, {mm(FIXED)} from fixed bodies "
+    f"({mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
+    f"{mm(ARM)} from everything; Tilt, Turn and Swing keep {mm(POSE_ERROR)}, in free air.",
     "self-collision": f"The arm keeps {mm(ARM)} from itself.",
-    "unsupported": f"What is let go of stands within {mm(AS_FOUND)} of where it stood, or upright to "
-    f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside what carries it (unknown: all of it, "
-    f"{mm(EDGE)}); what is slid stays so, too.",
-    "tilted": f"What is held stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, but for Tilt and Swing.",
-    "short-slide": "A slide that is felt for friction is level, along one surface, and "
-    f"{mm(MIN_SLIDE)} or longer.",
+    "unsupported": f"A released object is within {mm(AS_FOUND)} of its original pose, or upright to "
+    f"{np.degrees(UPRIGHT):.3g}° with its centre of mass {mm(TIPPING)} inside its support (if unknown, its whole "
+    f"outline by {mm(EDGE)}). A dragged object stays supported.",
+    "tilted": f"A held object stays upright to {np.degrees(HELD_UPRIGHT):.3g}°, except in Tilt and Swing.",
+    "short-slide": f"A slide that measures friction is level, on one surface, and at least {mm(MIN_SLIDE)} long.",
     "gripper-at-end": "At the end the gripper is empty and open.",
-    "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of where it was found.",
+    "not-restored": f"At the end every object is within {mm(RESTORED_POSITION)} of its original place.",
 }
 _RECIPES = ("short-slide",)
 # All rules by id, in the order of presentation to people and models.
@@ -129,8 +123,8 @@ def unpassable_regions(
         start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
         if start is not None and goal is not None and start != goal:
             message = (
-                f"'{start}' and '{goal}' are both found out by running, so nobody knows the way between "
-                f"them; MovePose to '{symbols.subjects[goal]}_pose + z_offset' first"
+                f"'{start}' and '{goal}' are both estimated in the run, so the path between them is unknown; "
+                f"MovePose to '{symbols.subjects[goal]}_pose + z_offset' first"
             )
             yield Finding.of(action.path, "unknown-start", message)
     # A fault at the believed pose is reported already. Only rules that break elsewhere in the
@@ -145,9 +139,9 @@ def unpassable_regions(
             if (found := next(added, None)) is not None:
                 problem = found.message.partition("; ")[0]
                 message = (
-                    f"'{name}' is found out by running and may be anywhere from {1e3 * line.least:.0f} to "
-                    f"{1e3 * line.most:.0f} mm along; {1e3 * place:.0f} mm along {problem}; go to "
-                    f"'{symbols.subjects[name]}_pose', with an offset that is free, in its place"
+                    f"'{name}' is estimated in the run, between {1e3 * line.least:.0f} and "
+                    f"{1e3 * line.most:.0f} mm along; at {1e3 * place:.0f} mm {problem}; use "
+                    f"'{symbols.subjects[name]}_pose' with a free offset instead"
                 )
                 yield Finding(found.path, replace(found.violation, message=message))
                 break

@@ -91,7 +91,11 @@ def known_parameter(case: CheckedPlan) -> Iterator[Fault]:
     if case.scene is None or case.remeasure:
         return
     # An author who interprets the request may also decide on repeated measurements.
-    again = "" if case.requested is not None else ', or mark it "again": true if R wants it anew'
+    again = (
+        ""
+        if case.requested is not None
+        else ', or mark it "again": true if R requests a new measurement'
+    )
     for path, parameter in case.iter_parameters():
         quantity = catalogue().get(parameter.quantity)
         if quantity is None or not quantity.identifiable or not case.is_known(parameter):
@@ -103,8 +107,8 @@ def known_parameter(case: CheckedPlan) -> Iterator[Fault]:
             stated = ", ".join(f"{value:.6g}" for value in values)
             yield (
                 path,
-                f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and what "
-                f"measures it{again}",
+                f"{parameter} is stated by the scene ({stated} {quantity.unit}); remove it and its "
+                f"measurement{again}",
             )
 
 
@@ -125,7 +129,7 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
         shown = ", ".join(paths[:SHOWN]) + (" …" if len(paths) > SHOWN else "")
         yield (
             paths[0],
-            f"'{name[:40]}' is no argument of the {len(paths)} nodes that have it ({shown}); leave it out",
+            f"'{name[:40]}' is not an argument of {len(paths)} nodes that have it ({shown}); remove it",
         )
     # Report the other invalid arguments node by node.
     for path, node in case.form.nodes.items():
@@ -165,7 +169,7 @@ def argument_problems(
 ) -> Iterator[str]:
     """Describe the first three invalid arguments of a primitive, except those in `told`."""
     if isinstance(error, TypeError):
-        yield f"the arguments of {name} have no proper names"
+        yield f"the arguments of {name} have no valid names"
         return
     # List the declared arguments with their descriptions in every message.
     fields = case.words.primitives[name].model_fields
@@ -188,7 +192,7 @@ def leaf_children(case: CheckedPlan) -> Iterator[Fault]:
     """Require that only composites have children."""
     for path, node in case.form.nodes.items():
         if node.type in case.words.primitives and node.children:
-            yield path, f"{node.type} takes no children; put them beside it, in a Sequence"
+            yield path, f"{node.type} takes no children; put them next to it, in a Sequence"
 
 
 def empty_composite(case: CheckedPlan) -> Iterator[Fault]:
@@ -209,8 +213,8 @@ def one_owner(case: CheckedPlan) -> Iterator[Fault]:
                 yield (
                     path,
                     f"{len(owners)} leaves would move the {resource} at once "
-                    f"({', '.join(owners[:SHOWN])}{more}); there is one: put all but one after "
-                    "another, in a Sequence",
+                    f"({', '.join(owners[:SHOWN])}{more}); a Parallel allows one: put the others "
+                    "into a Sequence",
                 )
 
 
@@ -231,7 +235,7 @@ def no_explanation(case: CheckedPlan) -> Iterator[Fault]:
     if case.plan.tree is None and not case.plan.explanation.strip():
         yield (
             "explanation",
-            "'tree' is null; say in 'explanation' what cannot be measured, and why",
+            "'tree' is null; explain in 'explanation' what cannot be measured, and why",
         )
 
 
@@ -241,8 +245,8 @@ def promised_without_tree(case: CheckedPlan) -> Iterator[Fault]:
         promised = ", ".join(str(parameter) for parameter in case.plan.parameters)
         yield (
             "parameters",
-            f"'tree' is null, yet {promised} is promised; give a tree, or leave the parameters "
-            "empty and explain",
+            f"'tree' is null, but the plan has the parameters {promised}; give a tree, or no "
+            "parameters and an explanation",
         )
 
 
@@ -263,7 +267,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
     for action, parameter in walk.conversions():
         if not is_stray(parameter, case):
             if parameter in made and not case.repeated:
-                yield action.path, f"{parameter} is measured already; remove this"
+                yield action.path, f"{parameter} is already measured; remove this"
             elif parameter not in case.plan.parameters and not case.unclear:
                 yield (
                     action.path,
@@ -277,8 +281,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
             of = f"of '{context.holding}' in the hand" if context.holding else "of the empty hand"
             yield (
                 action.path,
-                f"no parameter needs what is logged here, {of}, {context.activity}, "
-                f"at '{context.at}'; remove it",
+                f"no parameter needs this recording, {of}, {context.activity}, at '{context.at}'; remove it",
             )
 
 
@@ -309,8 +312,7 @@ def check_touches(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         if name not in away:
             yield (
                 path,
-                f"'{name}' is not among the parameters' objects and blocks none of them; "
-                "leave it alone",
+                f"'{name}' is not an object of the parameters and blocks none of them; do not grasp it",
             )
 
 
@@ -327,7 +329,7 @@ def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         if walk.failed:
             missing = ", which may follow from the findings above"
         elif quantity.derived:
-            missing = f"; of its recordings it lacks: {'; '.join(lacking(parameter, walk.state))}"
+            missing = f"; missing recordings: {'; '.join(lacking(parameter, walk.state))}"
         else:
             missing = f"; it needs: {acquisition(quantity)}"
         yield path, f"the tree does not yield {parameter}{missing}"
@@ -354,8 +356,8 @@ def objects_displaced_at_end(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
             away = pose.distance_to(walk.state.scene.body(name).pose_world)
             yield (
                 "tree",
-                f"'{name}' is left at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1e3 * away:.0f} mm from where it "
-                f"was found; MovePose it back to '{name}_pose' before it is released for the last time",
+                f"'{name}' is left at ({x:.3f}, {y:.3f}, {z:.3f}) m, {1e3 * away:.0f} mm from its original "
+                f"place; MovePose it back to '{name}_pose' before its last release",
             )
 
 

@@ -118,10 +118,10 @@ def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | Non
         # Round down: a length slightly below the minimum must not read as the minimum.
         problem = f"is {math.floor(1e4 * travel) / 10:.1f} mm long"
     elif dragged_off(before, after):
-        problem = "leads off the support"
+        problem = "leaves the support"
     elif slides(before, after) and len(surfaces_slid_on(before, after)) > 1:
         names = " and ".join(f"'{name}'" for name in dict.fromkeys(surfaces_slid_on(before, after)))
-        problem = f"lies across parts of {names} that need not have the same friction"
+        problem = f"crosses parts of {names} that may differ in friction"
     else:
         return None
     return Violation(

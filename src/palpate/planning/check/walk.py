@@ -186,10 +186,7 @@ class Walk:
             held = {end.holding for end in ends} - {before.holding}
             if len(moving) > 1 and "gripper" in primitive.claims and held:
                 name = before.holding or max(filter(None, held))
-                message = (
-                    f"the fingers would take or let go of '{name}' while the arm moves; put the "
-                    "two after one another, in a Sequence"
-                )
+                message = f"the fingers would grasp or release '{name}' while the arm moves; put both into a Sequence"
                 self.findings.append(Finding.of(path, "gripper-state", message))
                 return
         # Judge each motion after the others as well.

@@ -45,8 +45,8 @@ class Errand:
         """Explanation of the plan."""
         over = " and ".join(f"'{name}'" for name in self.objects)
         return (
-            f"'{self.tool}' is fetched, held over {over} and returned. The {self.quantity.label} is to be read by "
-            f"a person: no primitive reads it. {self.how.capitalize()}."
+            f"'{self.tool}' is fetched, held over {over} and returned. No primitive reads the "
+            f"{self.quantity.label}. {self.how.capitalize()}."
         )
 
     @property

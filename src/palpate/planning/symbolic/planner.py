@@ -148,8 +148,7 @@ class ExhaustivePlanner:
         return Plan(
             made.measured,
             made.tree,
-            "Every surface is probed, every object weighed and slid, whether or not "
-            "it is known or asked for.",
+            "Every surface is probed, every object weighed and slid, known, requested or not.",
             self.name,
             tuple(one.reason for one in made.failed),
             unmeasured=tuple(
@@ -301,7 +300,7 @@ def unusable(scene: Scene, name: str) -> str:
     try:
         pose = scene.symbols.resolve(symbol)
     except InputError:
-        return f"there is no free spot within reach on '{name}' to touch it; give '{symbol}' in poses.yaml"
+        return f"there is no free reachable spot to touch '{name}'; give '{symbol}' in poses.yaml"
     if not solids(scene).reaches(pose):
         return too_far(pose, name)
     return too_heavy(scene, scene.bodies[name])
@@ -345,9 +344,7 @@ def split_known(
 
 def known_note(parameter: Parameter, scene: Scene) -> str:
     """Note on a stated parameter that is not measured."""
-    return (
-        f"{stated_clause(parameter, scene)} and not measured again unless it is to be remeasured."
-    )
+    return f"{stated_clause(parameter, scene)}, and is measured again only on request."
 
 
 def stated_clause(parameter: Parameter, scene: Scene) -> str:
@@ -372,8 +369,8 @@ def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
         touched = sorted({one.object for one in made.measured} & on.keys() & scene.objects.keys())
         if touched:
             sentences.append(
-                f"The height of '{name}' is unknown and not asked for: {', '.join(map(repr, touched))} "
-                "must stand within 3 mm of the z in the scene; else ask for the height, too."
+                f"The height of '{name}' is unknown and not requested: {', '.join(map(repr, touched))} "
+                "must be within 3 mm of the z in the scene; otherwise request the height too."
             )
     return sentences
 
@@ -390,7 +387,7 @@ def explanation(made: Assembled) -> list[str]:
     """Explain a plan in sentences: parameters, one method per quantity, and the objects carried away."""
     if made.tree is None:
         return []
-    sentences = [f"To be measured: {', '.join(str(wanted) for wanted in made.measured)}."]
+    sentences = [f"Measured: {', '.join(str(wanted) for wanted in made.measured)}."]
     # One sentence per quantity, with all its objects.
     objects: dict[str, list[str]] = {}
     for parameter in made.measured:
@@ -404,11 +401,11 @@ def explanation(made: Assembled) -> list[str]:
     # One sentence per object that is carried to a temporary place or grasped at its balance point.
     for name in visited_objects(made.tree, TEMPORARY):
         slides = any(visited_objects(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
-        why = "stands on several surfaces, and is slid on one" if slides else "is in the way"
+        why = "is on several surfaces and slides on one" if slides else "is in the way"
         sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
     for name in visited_objects(made.tree, BALANCE):
-        sentences.append(f"'{name}' is grasped last where the run finds it to balance.")
-    return [*sentences, *made.omitted, "Everything is put back where it was."]
+        sentences.append(f"'{name}' is grasped last at the balance point that the run estimates.")
+    return [*sentences, *made.omitted, "All objects are put back."]
 
 
 def visited_objects(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:

@@ -164,7 +164,7 @@ class Backchainer:
         )
         if floating:
             raise PlanRejected(
-                f"'{name}' hangs in the air; say where it lies, in its pos or by --poses"
+                f"'{name}' is in the air; correct its pos, or give its pose by --poses"
             )
         # Carry blocking objects away, and collect the optional recordings.
         first = len(self.steps)
@@ -239,17 +239,14 @@ class Backchainer:
                     mute.append(user.__name__)
         if mute:
             raise PlanRejected(
-                f"no sequence of primitives measures {parameter}; {' and '.join(mute)} would need "
-                "`groundings`"
+                f"no sequence of primitives measures {parameter}; {' and '.join(mute)} must define `groundings`"
             )
         # Explain the failure: several supporting surfaces, the last refused path, or the first
         # obstacle.
         kinds = self.scene.catalogue[parameter.quantity].evidence
         slides = any("sliding" in kind.activity for kind in kinds)
         if slides and stands_on_seam(self.scene, parameter.object):
-            raise PlanRejected(
-                "it stands on several surfaces, and there is no free place to slide it on one of them"
-            )
+            raise PlanRejected("it is on several surfaces, and none has free space for a slide")
         operators = (self._operators(parameter.object, expressions) for expressions in tried)
         reasons = (obstacle(self.state, each) for each in operators)
         raise PlanRejected(
@@ -377,15 +374,11 @@ class Backchainer:
         while found := blockers(self.state, name, above, spot):
             blocker = found[0]
             if blocker in waiting or blocker in dict(away):
-                raise PlanRejected(
-                    f"'{blocker}' blocks '{name}' and cannot be carried out of its way"
-                )
+                raise PlanRejected(f"'{blocker}' blocks '{name}' and cannot be carried away")
             away += self._clear(blocker, (*waiting, blocker))
             place = f"{blocker}{TEMPORARY}"
             if not exists(self.scene, place):
-                raise PlanRejected(
-                    f"'{blocker}' is in the way, and there is no free place to put it"
-                )
+                raise PlanRejected(f"'{blocker}' is in the way, and has no free place to be put")
             # The object moves and turns with the hand, from its grasp pose to the place.
             carried = resolve(place) @ resolve(f"{blocker}_pose").inverse()
             self._carry(
@@ -398,7 +391,7 @@ class Backchainer:
         """Carry an object between its original pose and a place, until `done`."""
         spots = (f"{name}_pose", place)
         operators = self._operators(name, [e for at in spots for e in (f"{at} + z_offset", at)])
-        self._reach(operators, when(done), f"'{name}' cannot be carried out of the way and back")
+        self._reach(operators, when(done), f"'{name}' cannot be carried away and back")
 
     def _surroundings(self, subject: str, expressions: Iterable[str]) -> Surroundings:
         """Return the surroundings of an object, including the poses of the current grasp and contact."""

@@ -18,16 +18,16 @@ from palpate.primitives.state import PRECONDITION, RESTORED_POSITION, SymbolicSt
 
 MAX_STATES = 5000  # Maximum number of states per search
 FEW_STATES = 60  # Maximum number of states in the search for a reason
-MOVE_OR_CLEAR = "make room: move it, or what stands beside it"
+MOVE_OR_CLEAR = "make room: move it or its neighbours"
 MOVE_OR_TURN = "move it nearer to the middle of the arm's reach, or turn it"
 # Advice to the user by rule.
 ADVICE: Mapping[str, str] = {
-    "twist": "lay it so that the fingers can take it near its centre of mass, or state its mass",
+    "twist": "place it so that the fingers can grasp it near its centre of mass, or state its mass",
     "blocked": MOVE_OR_CLEAR,
     "collision": MOVE_OR_CLEAR,
     "unreachable": MOVE_OR_TURN,
     "self-collision": MOVE_OR_TURN,
-    "unsupported": "move it away from the edge, or clear what stands on it",
+    "unsupported": "move it away from the edge, or clear its top",
     "too-wide": "turn it so that a narrower side faces the fingers",
 }
 Goal = Callable[[SymbolicState], bool]

@@ -129,7 +129,7 @@ def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violati
     # A collision at the believed heights is enough. Otherwise the motion must suit all heights.
     for start, end, words in () if found else vary_heights(before, after):
         for hit in _hits(start, end, {}):
-            yield replace(hit, message=f"if {words} than guessed, {hit.message}")
+            yield replace(hit, message=f"if {words} than believed, {hit.message}")
             return
 
 
@@ -236,12 +236,12 @@ def _violation(
 ) -> Violation:
     name, load = hit.other.owner, hit.part.kind == LOAD
     part = f"'{hit.part.owner}' in the hand" if load else f"the arm's {hit.part.owner}"
-    where = "joint motion" if after.is_bent else f"way to '{after.at}'"
-    how = f"run {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
+    where = "joint motion" if after.is_bent else f"path to '{after.at}'"
+    how = f"go {-1e3 * hit.distance:.0f} mm into" if hit.distance < 0 else "come too near to"
     rise, measured = before.scene.rises.get(name, 0.0), ""
     if abs(rise) >= SHOWS:
         side = "higher" if rise > 0 else "lower"
-        measured = f" (measured {1e3 * abs(rise):.0f} mm {side} than the scene has it)"
+        measured = f" (measured {1e3 * abs(rise):.0f} mm {side} than in the scene)"
     met = f"on the {where} {part} would {how} '{name}'{measured} at {hit.place}"
     return _with_remedy(met, hit, before, after, allowed)
 
@@ -251,7 +251,7 @@ def _with_remedy(
 ) -> Violation:
     """Violation by a hit in words, with the motion to write instead."""
     name, scene = hit.other.owner, after.scene
-    detour = "go by way of 'home_config', or "
+    detour = "go through 'home_config', or "
     if HOME_CONFIG in (before.at, after.at):
         detour = ""
     if hit.other.kind == HIGHER:
@@ -272,8 +272,8 @@ def _with_remedy(
     if hit.part.kind != LOAD and name in scene.surfaces:
         return Violation(
             "collision",
-            f"{met}; stay above it: '{name}_approach' is clear of it, and MoveUntilContact touches "
-            "it slowly where its height is asked for",
+            f"{met}; stay above it: '{name}_approach' is clear of it, and MoveUntilContact touches it "
+            "where its height is requested",
         )
     return Violation("collision", f"{met}; choose a higher pose, or go around it")
 
@@ -283,11 +283,9 @@ def _passing(before: SymbolicState, name: str) -> str:
     if before.gripper != "open":
         return "the fingers are not open; OpenGripper first"
     if name in before.scene.symbols.ungraspable:
-        return (
-            f"it does not fit between them; leave out what needs '{name}' in the hand, and explain"
-        )
+        return f"it does not fit between them; remove measurements that grasp '{name}', and explain"
     if straddled_object(before, before.pose_world_tcp) == name:
-        return f"it stands between the fingers; MovePose to '{above(before, before.at)}' first"
+        return f"it is between the fingers; MovePose to '{above(before, before.at)}' first"
     return (
         f"come down with the open fingers on either side of it: write MovePose '{name}_pose', and "
         f"MovePose to '{name}_pose + z_offset' first"

@@ -187,7 +187,7 @@ def out_of_reach(state: SymbolicState, pose_world_tcp: Pose, name: str) -> list[
     if reaches(state, pose_world_tcp):
         return []
     problem = (
-        f"{too_far(pose_world_tcp, name)}; {_nearer(state, name)}, or leave out what needs it "
+        f"{too_far(pose_world_tcp, name)}; {_nearer(state, name)}, or remove what needs it "
         "and explain"
     )
     return [Violation("unreachable", problem)]
@@ -265,7 +265,7 @@ def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
     if max(mistaken_moment(arm, q) for q in joints_between(start, joints)) < UNFELT:
         return []
     problem = (
-        "between a level hand and one that points down, the wrist is turned first, and the arm moved then: "
+        "between a level hand and one that points down, the wrist turns before the arm moves: "
         "MoveJoints to the fixture's `_level` in between"
     )
     return [Violation(PRECONDITION, problem)]
@@ -288,7 +288,7 @@ def require_room(scene: Scene) -> None:
     deepest = min(found, key=lambda hit: hit.distance)
     part, name = deepest.part.owner, deepest.other.owner
     raise InputError(
-        "the arm has no room in this scene: at 'home_config', where every plan begins, its "
-        f"{part} is {-1e3 * deepest.distance:.1f} mm inside '{name}', at {deepest.place}; correct "
-        f"where '{name}' is or how large it is, or where the arm stands"
+        f"the arm collides with the scene at 'home_config', where every plan starts: its {part} is "
+        f"{-1e3 * deepest.distance:.1f} mm inside '{name}', at {deepest.place}; correct the pose or "
+        f"size of '{name}', or the place of the arm"
     )

@@ -32,15 +32,15 @@ def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
         return []
     found: list[Violation] = []
     # By width, by mass, and by the offset from the middle of the fingers.
-    left_out = f"leave out what needs '{body.name}' in the hand, and explain"
+    left_out = f"remove measurements that grasp '{body.name}', and explain"
     if unfit := does_not_fit(state.scene, body.name):
         found.append(Violation("too-wide", f"{unfit}; {left_out}"))
     if heavy := too_heavy(state.scene, body):
         found.append(Violation("payload", f"{heavy}; {left_out}"))
     if abs(held.aside) > PUSHED:
         problem = (
-            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm beside the middle of the fingers, "
-            f"which would push it over; MovePose to '{body.name}_pose' first"
+            f"'{body.name}' is {1e3 * abs(held.aside):.0f} mm off the middle of the fingers, which would "
+            f"push it; MovePose to '{body.name}_pose' first"
         )
         found.append(Violation("gripper-state", problem))
     found += _twisting(state, body, pose)
@@ -58,7 +58,7 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
     if moment <= most:
         return []
     problem = (
-        f"held {1e3 * abs(beside):.0f} mm beside its centre of mass, '{body.name}' would turn in "
+        f"held {1e3 * abs(beside):.0f} mm from its centre of mass, '{body.name}' would turn in "
         f"the grip with {moment:.1f} N m, of at most {most:.1f} N m; grasp it within "
         f"{1e3 * most / weight:.0f} mm{_nearer(state, beside)}"
     )

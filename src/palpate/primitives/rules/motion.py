@@ -57,7 +57,7 @@ def is_cautious(before: SymbolicState, after: SymbolicState) -> bool:
 def unknown_start() -> Violation:
     """Violation: the pose of the arm is unknown."""
     return Violation(
-        "unknown-start", "where the hand is now is not known; MoveJoints to 'home_config' first"
+        "unknown-start", "the hand's pose is unknown; MoveJoints to 'home_config' first"
     )
 
 
@@ -88,13 +88,12 @@ def _judge_carrying(
     if lean > HELD_UPRIGHT and not may_tilt:
         yield Violation(
             "tilted",
-            f"'{held}' would be laid over by {np.degrees(lean):.0f}°; remove this, or go where the hand "
-            "is as it was when it closed",
+            f"'{held}' would tilt by {np.degrees(lean):.0f}°; remove this, or keep the hand's "
+            "orientation of the grasp",
         )
     lost = dragged_off(before, after)
     if lost:
         yield Violation(
             "unsupported",
-            f"'{held}' would be dragged off what it stands on: {lost}; lift it to carry it, or "
-            "slide it level",
+            f"'{held}' would be dragged off its support: {lost}; lift it first, or slide it level",
         )

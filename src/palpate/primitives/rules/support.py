@@ -180,10 +180,10 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
     there = footing(state, name, pose_world_object)
     if not there.carriers:
         if math.isinf(there.gap):
-            return "nothing is below it"
+            return "no support is below it"
         if there.gap > 0:
             return f"it would fall by {there.gap:.3f} m"
-        return f"it would be pressed {-there.gap:.3f} m into what is below it"
+        return f"it would be pressed {-there.gap:.3f} m into its support"
     # Stable for any centre of mass if each corner of the outline is inside some carrier.
     outlines = [top.outline for top in there.carriers]
     inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
@@ -245,7 +245,7 @@ def dragged_off(before: SymbolicState, after: SymbolicState) -> str | None:
     if rise > LIFTED:
         return None
     if rise < -SUNK:
-        return f"'{after.at}' is {-1e3 * rise:.0f} mm lower than where it stands"
+        return f"'{after.at}' is {-1e3 * rise:.0f} mm lower than its support"
     return stable(before, held, end)
 
 
@@ -292,8 +292,8 @@ def would_fall(state: SymbolicState) -> list[Violation]:
     if reason is None:
         return []
     problem = (
-        f"'{state.holding}' would not stay where it is let go of: {reason}; MovePose it to where "
-        f"it stood, e.g. to '{state.grasp}', or well inside a surface, before OpenGripper"
+        f"'{state.holding}' would not stay where it is released: {reason}; MovePose it to its original "
+        f"place, e.g. '{state.grasp}', or well inside a surface, before OpenGripper"
     )
     return [Violation("unsupported", problem)]
 
