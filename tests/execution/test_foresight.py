@@ -121,7 +121,9 @@ def test_weights_of_all_worlds_count() -> None:
 
 @pytest.mark.parametrize("weight", [0.3, 3.0, 14.0])
 def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
-    load = FingerLoad(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    load = FingerLoad(np.zeros(6)).set_hanging_load(
+        np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP
+    )
     assert GRASPED.settled("tree", board(HELD, 0.063, load)) is HELD
 
 
@@ -146,6 +148,8 @@ def test_an_error_of_the_measured_weight_contradicts_nothing() -> None:
     ],
 )
 def test_what_was_not_rehearsed_stops_the_run(width: float, weight: float, said: str) -> None:
-    load = FingerLoad(np.zeros(6)).hung(np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP)
+    load = FingerLoad(np.zeros(6)).set_hanging_load(
+        np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP
+    )
     with pytest.raises(LeafFailure, match=f"^not as rehearsed: .*{said}"):
         GRASPED.settled("tree", board(HELD, width, load))

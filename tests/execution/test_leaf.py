@@ -233,5 +233,5 @@ def test_nothing_begins_to_move_after_a_failure(words, blackboard, robot):
 )
 def test_what_a_hand_pressed_with_lingers_unless_it_presses_on(blackboard, way, lingers) -> None:
     blackboard.pressed = (0.0, 0.0, -9.0)
-    blackboard.press_on(np.array(way))
+    blackboard.clear_pressed_force(np.array(way))
     assert (blackboard.pressed == (0.0, 0.0, -9.0)) == lingers

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from palpate.mjcf.elements import Defaults
+from lxml import etree
+
+from palpate.mjcf.elements import STAND_INS, Defaults, replace_unknowns
 from palpate.mjcf.reading import parse_document
 
 
@@ -22,3 +24,8 @@ def test_defaults_follow_classes_and_childclasses() -> None:
         for name, g in geoms.items()
     }
     assert found == {"plain": (None, "0.1"), "wall": ("0.2", "0.1"), "grip": ("1", "0.3")}
+
+
+def test_unknowns_beyond_the_listed_numbers_take_the_last_one() -> None:
+    (edit,) = replace_unknowns(etree.fromstring('<geom mass="? ?"/>'), STAND_INS)
+    assert edit.numbers == {0: "1", 1: "1"}

@@ -122,8 +122,8 @@ def judged() -> set[str]:
 
 
 def _rule(call: ast.Call) -> str | None:
-    """The rule in `Violation(rule, …)` or `Finding.of(path, rule, …)`; None for any other call."""
-    place = {"Violation": 0, "Finding.of": 1}.get(ast.unparse(call.func))
+    """The rule in `Violation(rule, …)` or `Finding(path, rule, …)`; None for any other call."""
+    place = {"Violation": 0, "Finding": 1}.get(ast.unparse(call.func))
     if place is None:
         return None
     rule = call.args[place]

@@ -90,7 +90,7 @@ def test_a_drawer_is_measured_and_left_where_it_was():
 def test_a_way_ends_short_of_a_limit_that_was_met(drawer):
     way = way_of(at(drawer), "drawer")
     met = way.start.translate((-0.05, 0.0, 0.0)).position
-    assert way.short_of(met).length == pytest.approx(0.04)
+    assert way.shorten_to(met).length == pytest.approx(0.04)
 
 
 @pytest.mark.long

@@ -25,7 +25,7 @@ def test_weight_is_the_difference_from_the_empty_fingers() -> None:
 def test_weight_is_no_larger_than_the_mass_that_was_measured() -> None:
     load = FingerLoad(wrench(-2.9), 0.06, wrench(1.5)).after_weighing(0.15, 0.002, 9.81)
     assert load.weight == pytest.approx(1.53, abs=0.01)
-    assert load.too_much(wrench(-1.0)) is None, "2.5 N are more than it weighs"
+    assert load.explain_carried_load(wrench(-1.0)) is None, "2.5 N are more than it weighs"
     assert FingerLoad(wrench(0.0), 0.06, wrench(1.4)).after_weighing(
         0.2, 0.1, 9.81
     ).weight == pytest.approx(1.4)
@@ -36,7 +36,7 @@ def test_weight_is_no_larger_than_the_mass_that_was_measured() -> None:
 )
 def test_fingers_stay_closed_while_they_bear_the_load(felt: float, opens: bool) -> None:
     load = FingerLoad(wrench(0.5), 0.06, wrench(10.5))
-    assert (load.too_much(wrench(felt)) is None) == opens
+    assert (load.explain_carried_load(wrench(felt)) is None) == opens
 
 
 def test_fingers_that_come_nearer_each_other_slip() -> None:
@@ -48,7 +48,7 @@ def test_fingers_that_come_nearer_each_other_slip() -> None:
 def test_an_object_that_turns_between_the_pads_is_noticed() -> None:
     tool = Pose.top_down((0.5, 0.0, 0.3), 0.0)  # closing along world -y
     hanging = np.array([0.0, 0.0, 5.0, 0.0, 0.5, 0.0])
-    load = FingerLoad(np.zeros(6), 0.03).hung(hanging, tool)
+    load = FingerLoad(np.zeros(6), 0.03).set_hanging_load(hanging, tool)
     assert load.turned(hanging, tool) is None
     down = np.array([0.0, 0.0, 5.0, 0.0, 0.05, 0.0])
     assert "turns in the fingers" in str(load.turned(down, tool))
@@ -64,7 +64,9 @@ def test_deviation_of_the_joint_sensors_is_no_turn() -> None:
     q, tau = arm.home, np.array([0.0, -30.0, 0.0, 25.0, 1.0, 3.0, 0.0])
     here, there = doubt(arm, q, tau, up), doubt(arm, q + 0.3, 0.7 * tau, up)
     tool = Pose.top_down((0.5, 0.0, 0.3), 0.0)
-    load = FingerLoad(np.zeros(6), 0.03).hung(np.array([0, 0, 5.0, 0, 2.0, 0]), tool, here)
+    load = FingerLoad(np.zeros(6), 0.03).set_hanging_load(
+        np.array([0, 0, 5.0, 0, 2.0, 0]), tool, here
+    )
     assert load.turned(np.array([0, 0, 5.0, 0, 1.7, 0]), tool, there) is None
     assert load.turned(np.array([0, 0, 5.0, 0, 0.0, 0]), tool, there)
 
@@ -80,7 +82,7 @@ def test_object_of_unmeasurable_weight_must_be_pressed_on_its_support(
     felt: float, opens: bool
 ) -> None:
     load = FingerLoad(wrench(0.0), 0.06, wrench(0.8))
-    assert (load.too_much(wrench(felt)) is None) == opens
+    assert (load.explain_carried_load(wrench(felt)) is None) == opens
 
 
 def test_friction_of_a_support_is_bounded_while_the_load_is_dragged():

@@ -84,7 +84,7 @@ def test_what_slipped_in_the_pads_meets_its_support_early(
     up = after(start, *reached, "CloseGripper", LIFT)
     assert up.pose_tcp_object is not None
     lower = up.pose_of("cup").translate((0.0, 0.0, -slipped))
-    up = replace(up, pose_tcp_object=up.tcp.inverse() @ lower, moved=up.placing("cup", lower))
+    up = replace(up, pose_tcp_object=up.tcp.inverse() @ lower, moved=up.place_object("cup", lower))
     down = make("MovePose", pose="cup_pose")
     found = down.violations(up)
     if early is None:

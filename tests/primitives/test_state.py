@@ -54,9 +54,9 @@ def test_an_object_is_looked_for_where_it_was_put(start: SymbolicState) -> None:
 
 
 def test_an_object_that_is_put_back_is_moved_no_longer(start: SymbolicState) -> None:
-    away = replace(start, moved=start.placing("cup", Pose.of((0.3, 0.3, 0.05))))
+    away = replace(start, moved=start.place_object("cup", Pose.of((0.3, 0.3, 0.05))))
     assert list(away.moved) == ["cup"]
-    back = replace(away, moved=away.placing("cup", start.pose_of("cup")))
+    back = replace(away, moved=away.place_object("cup", start.pose_of("cup")))
     assert back == start
     # Also where its motion ends beside others, each of which adds its changes.
     assert merge_states(replace(away, contact="table"), away, back).moved == {}
@@ -88,8 +88,8 @@ def test_an_object_near_its_place_counts_as_restored(
 
 
 def test_a_buffer_keeps_the_latest_context_and_the_log_all_of_them(start: SymbolicState) -> None:
-    first = replace(start, at="a").wrote(FORCES)
-    second = replace(first, at="b").wrote(FORCES)
+    first = replace(start, at="a").add_recording(FORCES)
+    second = replace(first, at="b").add_recording(FORCES)
     assert second.buffers == {FORCES: Context("still", at="b")}
     assert [context.at for _, context in second.logged] == ["a", "b"]
     assert (start.buffers, start.logged, start.converted) == ({}, (), frozenset[Parameter]())

@@ -125,7 +125,7 @@ def test_a_complete_run(tmp_path: Path) -> None:
 
 
 def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
-    finding = Finding.of("tree.children[0]", "unreachable", "it is out of reach")
+    finding = Finding("tree.children[0]", "unreachable", "it is out of reach")
     found = result(replace(REJECTED, findings=(finding,)), tmp_path)
     assert (found["status"], found["parameters"], found["execution"], found["twin"]) == (
         "rejected",

@@ -68,7 +68,7 @@ class Rehearsal:
         """Finding on the plan, None for one that may run."""
         if self.failure is None:
             return None
-        return Finding.of(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
+        return Finding(self.path, "rehearsal", f"in simulation the plan fails: {self.failure}")
 
     def figures(self) -> dict[str, Any]:
         """The prediction without the foresight, as in `result.json`."""

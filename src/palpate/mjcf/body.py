@@ -44,7 +44,6 @@ class BodyDescription:
 
     @property
     def defaults(self) -> Defaults:
-        """Defaults classes of its elements."""
         return self.elements.defaults
 
     @property
@@ -153,11 +152,9 @@ class BodyDescription:
         return bool(np.all(point[:2] >= low[:2]) and np.all(point[:2] <= high[:2]))
 
     def objects(self) -> list[BodyDescription]:
-        """All objects of the scene."""
         return [body for body in self.others.values() if body.role == "object"]
 
     def surfaces(self) -> list[BodyDescription]:
-        """All surfaces of the scene."""
         return [body for body in self.others.values() if body.role == "surface"]
 
     def surfaces_below(self) -> list[BodyDescription]:

@@ -250,7 +250,6 @@ class Brought:
 
     @property
     def prefix(self) -> str:
-        """Prefix of the names of its elements."""
         return prefix(self.through)
 
     def overlaps(self, other: Brought) -> bool:

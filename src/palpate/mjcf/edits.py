@@ -120,7 +120,7 @@ def escape_attribute(value: str) -> str:
     )
 
 
-def element(name: str, attributes: Mapping[str, str]) -> str:
+def write_element(name: str, attributes: Mapping[str, str]) -> str:
     """Write an empty element."""
     text = f"<{name}"
     for attribute, value in attributes.items():

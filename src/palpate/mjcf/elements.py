@@ -45,14 +45,14 @@ def replace_unknowns(
     """Yield the changes that replace each `?` in an element's inherited attributes by its number in `values`,
     or remove the attribute (None).
     """
-    # The last of three numbers serves all further positions.
+    # The last number serves all further positions.
     for attribute, numbers in values.items():
         parts = tokens(element.get(attribute))
         unknown = [i for i, part in enumerate(parts) if part == UNKNOWN]
         if unknown and numbers is None:
             yield Edit(element, attribute, None)
         elif unknown and numbers is not None:
-            yield Edit(element, attribute, {i: numbers[min(i, 2)] for i in unknown})
+            yield Edit(element, attribute, {i: numbers[min(i, len(numbers) - 1)] for i in unknown})
 
 
 class Defaults:
@@ -119,7 +119,7 @@ class Elements:
     through: tuple[Element, ...] = ()
     joint: Element | None = None  # a fixture's `<joint>`
 
-    def moved_by(self) -> Element | None:
+    def posed_ancestor(self) -> Element | None:
         """Find the nearest ancestor with a pose, so that the element's own pose is not the world's."""
         for outer in iter_ancestors(self.element, self.through):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())

@@ -48,7 +48,7 @@ class Robots:
     driven: frozenset[str]  # names of joints, sites and bodies that an actuator drives
     defaults: Defaults
 
-    def begin_with(self, body: Element) -> bool:
+    def is_robot_root(self, body: Element) -> bool:
         """Test if a body is the root of a robot: it has the robot's first joint, or is the fixed base of the
         body with that joint.
         """
@@ -141,7 +141,6 @@ class Roles:
 
     @property
     def objects(self) -> dict[str, Elements]:
-        """Objects by name."""
         return self._of("object")
 
     @property
@@ -242,7 +241,7 @@ def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
 
 
 def _sort_body(body: Element, found: Roles, model: _Model) -> None:
-    if model.robots.begin_with(body):
+    if model.robots.is_robot_root(body):
         found.robots.append(body)
     elif is_free(body, found.defaults):
         # A value can be written only if one element becomes one part of the scene.
@@ -267,35 +266,15 @@ def _add_object(body: Element, found: Roles, model: _Model) -> None:
     if _is_untouchable(body, geoms, found):
         return
     own = body.get("name") or _name_body(body, geoms[0], found, model)
-    made = Elements(
-        name=compiled_name(body, own, model.through),
-        role="object",
-        element=body,
-        geoms=geoms,
-        colliding=colliding(geoms, found.defaults),
-        inertial=inertial_of(body),
-        defaults=found.defaults,
-        parts=tuple(part for part in all_parts if part.tag == "body" and part is not body),
-        through=model.through,
-    )
-    _register(made, found)
+    parts = tuple(part for part in all_parts if part.tag == "body" and part is not body)
+    _register("object", body, own, geoms, found, model, parts=parts)
 
 
 def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, model: _Model) -> None:
     # Only geoms that can collide make a surface.
     tops = carrying(element, colliding(geoms, found.defaults), found.defaults)
     if tops:
-        body = Elements(
-            name=compiled_name(element, element.get("name") or FLOOR, model.through),
-            role="surface",
-            element=element,
-            geoms=tops,
-            colliding=tops,
-            inertial=None,
-            defaults=found.defaults,
-            through=model.through,
-        )
-        _register(body, found)
+        _register("surface", element, element.get("name") or FLOOR, tops, found, model)
 
 
 def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> None:
@@ -304,20 +283,8 @@ def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> 
     if not geoms or body.getroottree().getroot() is not found.root:
         found.ignored.append(body)
         return
-    if _is_untouchable(body, geoms, found):
-        return
-    made = Elements(
-        name=compiled_name(body, body.get("name", ""), model.through),
-        role="fixture",
-        element=body,
-        geoms=geoms,
-        colliding=colliding(geoms, found.defaults),
-        inertial=inertial_of(body),
-        defaults=found.defaults,
-        through=model.through,
-        joint=joint,
-    )
-    _register(made, found)
+    if not _is_untouchable(body, geoms, found):
+        _register("fixture", body, body.get("name", ""), geoms, found, model, joint=joint)
 
 
 def _is_untouchable(body: Element, geoms: tuple[Element, ...], found: Roles) -> bool:
@@ -329,13 +296,34 @@ def _is_untouchable(body: Element, geoms: tuple[Element, ...], found: Roles) -> 
     return True
 
 
-def _register(body: Elements, found: Roles) -> None:
-    if body.name in found.bodies:
+def _register(
+    role: Role,
+    element: Element,
+    own: str,
+    geoms: tuple[Element, ...],
+    found: Roles,
+    model: _Model,
+    parts: tuple[Element, ...] = (),
+    joint: Element | None = None,
+) -> None:
+    """Add a body, called `own` in its model, under its compiled name."""
+    name = compiled_name(element, own, model.through)
+    if name in found.bodies:
         raise InputError(
-            f"two bodies are called '{body.name[:80]}' ({label(body.element)} is the "
-            "second); give each its own name"
+            f"two bodies are called '{name[:80]}' ({label(element)} is the second); give each its own name"
         )
-    found.bodies[body.name] = body
+    found.bodies[name] = Elements(
+        name,
+        role,
+        element,
+        geoms,
+        colliding(geoms, found.defaults),
+        None if role == "surface" else inertial_of(element),
+        found.defaults,
+        parts,
+        model.through,
+        joint,
+    )
 
 
 def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
@@ -374,7 +362,7 @@ def _holds_robot(part: Brought, model: _Model) -> bool:
     while pending:
         part, model = pending.pop()
         inside = model.inside(part)
-        if any(inside.robots.begin_with(body) for body in part.content.iter("body")):
+        if any(inside.robots.is_robot_root(body) for body in part.content.iter("body")):
             return True
         seen.append(part)
         for inner in () if part.is_own else inside.brings(part.content):

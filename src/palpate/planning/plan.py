@@ -103,7 +103,6 @@ class Plan:
 
     @property
     def outcome(self) -> Outcome:
-        """Outcome of the request."""
         return "measure" if self.tree is not None else self.declared or "cannot"
 
     @property

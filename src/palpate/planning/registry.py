@@ -44,7 +44,6 @@ class ReplayPlanner:
 
     @property
     def name(self) -> str:
-        """Name on the command line."""
         return f"replay:{self.path}"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:

@@ -34,9 +34,8 @@ SHARES = (1.0, 0.75, 0.5, 0.35, 0.25)  # Fractions of the largest travel that ar
 LEAST = 0.025  # m, least length of a pass that shows how friction depends on speed
 SPARE = 0.01  # m of clearance to a limit, so that the arm does not run into it
 STEP = 0.01  # m between two samples of the path
-FOLDED = (
-    0.4  # rad of a joint between two moments of a way: more, and the elbow or the wrist is another
-)
+# rad of a joint between two moments of a way: more, and the elbow or the wrist is another
+FOLDED = 0.4
 CLEAR = 0.005  # m between fixture and object: with less, the object is on it, in it, or in its way
 
 
@@ -58,7 +57,7 @@ class Way:
         """Length of the TCP's path, m."""
         return abs(self.travel) * self.joint.lever(self.start.position)
 
-    def short_of(self, position: Array) -> Way:
+    def shorten_to(self, position: Array) -> Way:
         """The way that ends `SPARE` before a limit that the TCP met at a position (3,), world."""
         there = float(self.joint.travels(self.start, position[None])[0])
         spare = np.copysign(SPARE / self.joint.lever(self.start.position), self.travel)
@@ -83,10 +82,7 @@ def way_of(state: SymbolicState, name: str) -> Way | list[Violation]:
     is_unsure = joint.open[int(sign > 0.0)]
     farthest = NOT_SURE if is_unsure else FARTHEST
     most = joint.room(sign) * joint.lever(state.tcp.position) - SPARE
-    key = ("way", name, *state.arrangement)
-    return solids(state.scene).get_or_compute(
-        key, lambda: _way_of(state, name, joint, sign, min(farthest, most), is_unsure)
-    )
+    return _admissible_way(state, name, sign, min(farthest, most), is_unsure)
 
 
 def way_to_limit(state: SymbolicState, name: str, sign: float) -> Way | list[Violation]:
@@ -94,22 +90,15 @@ def way_to_limit(state: SymbolicState, name: str, sign: float) -> Way | list[Vio
     joint = state.scene.body(name).joint
     assert joint is not None
     most = joint.room(sign) * joint.lever(state.tcp.position) + BEYOND
-    key = ("way to limit", name, sign, *state.arrangement)
-    return solids(state.scene).get_or_compute(
-        key, lambda: _way_of(state, name, joint, sign, min(SEARCHED, most))
-    )
+    return _admissible_way(state, name, sign, min(SEARCHED, most), is_unsure=False)
 
 
-def _way_of(
-    state: SymbolicState,
-    name: str,
-    joint: Joint,
-    sign: float,
-    farthest: float,
-    is_unsure: bool = False,
+def _admissible_way(
+    state: SymbolicState, name: str, sign: float, farthest: float, is_unsure: bool
 ) -> Way | list[Violation]:
     """The longest admissible way of at most `farthest` m at the handle, tried by `SHARES`."""
-    pose = state.tcp
+    pose, joint = state.tcp, state.scene.body(name).joint
+    assert joint is not None
     lever = max(joint.lever(pose.position), 1e-6)
     # Shorter passes do not show how friction depends on speed.
     if farthest < LEAST:
@@ -118,13 +107,18 @@ def _way_of(
             f"needs {1e3 * LEAST:.0f} mm; remove it, and explain"
         )
         return [Violation("unreachable", problem)]
-    found: list[Violation] = []
-    for share in SHARES:
-        way = Way(joint, pose, sign * max(share * farthest, LEAST) / lever, is_unsure)
-        found = list(_violations(state, name, way))
-        if not found:
-            return way
-    return found
+
+    def compute() -> Way | list[Violation]:
+        found: list[Violation] = []
+        for share in SHARES:
+            way = Way(joint, pose, sign * max(share * farthest, LEAST) / lever, is_unsure)
+            found = list(_violations(state, name, way))
+            if not found:
+                return way
+        return found
+
+    key = ("way", name, sign, farthest, is_unsure, *state.arrangement)
+    return solids(state.scene).get_or_compute(key, compute)
 
 
 def _violations(state: SymbolicState, name: str, way: Way) -> Iterator[Violation]:

@@ -149,7 +149,6 @@ class Blackboard:
 
     @property
     def scene(self) -> Scene:
-        """Believed scene, at rest."""
         return self.state.scene
 
     def wait(self, longest: float) -> float:
@@ -178,7 +177,7 @@ class Blackboard:
         x, y, z = self.robot.state.contact[:3].tolist()
         self.pressed = (x, y, z) if self.state.activity == "contact" else (0.0, 0.0, 0.0)
 
-    def press_on(self, way: Array) -> None:
+    def clear_pressed_force(self, way: Array) -> None:
         """Clear `pressed` if the motion along `way` (3,), m, presses on, within 60° of the force."""
         pressed = np.array(self.pressed)
         # cos 60° = 0.5.

@@ -52,9 +52,8 @@ APPROACH_SPEED = 0.020
 # m above a known top in which contact is expected; with an unknown height it is expected
 # everywhere.
 EXPECTED_WITHIN = 0.03
-CONTACT_FORCE = (
-    8.0  # N, threshold tau_c of the paper, relative to the force of the motion in free air
-)
+# N, threshold tau_c of the paper, relative to the force of the motion in free air
+CONTACT_FORCE = 8.0
 # N, threshold of a firm press. It is used on a soft body, and if the hand tilts at contact. Then
 # one finger alone may be supported, or the arm is slightly out of level and the other finger
 # follows.

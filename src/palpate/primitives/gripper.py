@@ -117,7 +117,7 @@ class OpenGripper(Primitive):
         if name is not None:
             # Open only if the support carries the object.
             wrench = yield from median_wrench(blackboard)
-            if reason := blackboard.load.too_much(wrench):
+            if reason := blackboard.load.explain_carried_load(wrench):
                 raise LeafFailure(
                     f"{reason} of '{name}', which would fall; lower it onto its support first"
                 )

@@ -202,9 +202,8 @@ WAVERS = 0.4  # N by which the sensed force of an arm at rest fluctuates
 # that is folded near its base creeps on after a motion.
 CREEPS = 1.0
 CREEPINGS = 5  # Largest number of waits for the end of the creep
-PRESSES = (
-    1.0  # N, first press above the least measurable force: enough remains with the arm at rest
-)
+# N, first press above the least measurable force: enough remains with the arm at rest
+PRESSES = 1.0
 # Largest ratio of the normal force on a slide to the commanded pressing force. The arm presses
 # harder while it starts and changes its speed (21.3 N for 15 N, simulated FR3, friction 1).
 PEAK = 1.4
@@ -324,7 +323,10 @@ def lower(blackboard: Blackboard, goal: str) -> Wait:
     before = blackboard.state
     for lowering in range(LOWERINGS):
         yield from _rest(blackboard)
-        if blackboard.load.too_much((yield from median_wrench(blackboard)), WAVERS) is None:
+        if (
+            blackboard.load.explain_carried_load((yield from median_wrench(blackboard)), WAVERS)
+            is None
+        ):
             return
         # Go down slowly until the support carries the load, pressing twice as hard each time.
         pressed = PRESSES * 2**lowering

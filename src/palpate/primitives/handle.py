@@ -231,7 +231,7 @@ def _short_of_limit(
     """Move slowly along the way and back; if a limit is met, return the way that ends before it."""
     shorter = way
     if (yield from _pass(blackboard, way, 1.0, PROBE_SPEED, True, to_limit=True)):
-        shorter = way.short_of(blackboard.robot.state.pose_world_tcp.position)
+        shorter = way.shorten_to(blackboard.robot.state.pose_world_tcp.position)
     yield from _pass(blackboard, way, 0.0, SPEEDS[0], True, to_limit=True)
     if shorter.length < LEAST or shorter.travel * way.travel < 0.0:
         yield from _let_go(blackboard, way, held=True)

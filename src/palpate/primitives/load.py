@@ -59,7 +59,7 @@ class FingerLoad:
         sideways = float(np.linalg.norm(wrench[:2] - self.hanging[:2]))
         return replace(self, rough=min(ROUGHEST, BREAKAWAY * sideways / normal))
 
-    def hung(
+    def set_hanging_load(
         self, wrench: Array, tool: Pose, doubt: Doubt = SURELY, error: float = 0.0
     ) -> FingerLoad:
         """Update by the wrench (6,) at rest with the object hanging free from the hand at `tool`.
@@ -106,7 +106,7 @@ class FingerLoad:
         """Load on the fingers at `wrench` (6,), N; negative where they press."""
         return float(wrench[2] - self.empty[2])
 
-    def too_much(self, wrench: Array, spare: float = 0.0) -> str | None:
+    def explain_carried_load(self, wrench: Array, spare: float = 0.0) -> str | None:
         """Return the reason why opening at `wrench` (6,) would drop the load, with a margin `spare`, N; else None."""
         # An object that never hung free: compare with the wrench of the empty fingers.
         if self.hanging is None:

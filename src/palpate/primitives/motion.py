@@ -133,7 +133,7 @@ class MovePose(Primitive):
         return [*found, Violation(PRECONDITION, reason)] if reason else found
 
     def bind(self, blackboard: Blackboard) -> None:
-        state, name = blackboard.state, blackboard.scene.symbols.found_out(self.pose)
+        state, name = blackboard.state, blackboard.scene.symbols.estimated_name(self.pose)
         # Bound once, so that the hand puts an object down where it took it.
         if name is not None and name not in state.bound:
             along, why = _balance_point(blackboard, name)
@@ -172,7 +172,7 @@ class MovePose(Primitive):
             message = yield from self._go(blackboard, target)
         if blackboard.state.holding and not self.effects(blackboard.state).lifted:
             yield from lower(blackboard, self.pose)
-        name = blackboard.scene.symbols.found_out(self.pose)
+        name = blackboard.scene.symbols.estimated_name(self.pose)
         found = blackboard.bound.pop(name or "", None)
         return f"{message}; {found}" if found else message
 
@@ -186,7 +186,7 @@ class MovePose(Primitive):
         way = list(spans(state, robot.state.target_world_tcp, target))
         left = sum(span.start.distance_to(span.end) for span in way)
         fastest = min(scene.arm.pace.speed, self.speed or np.inf)
-        blackboard.press_on(target.position - robot.state.target_world_tcp.position)
+        blackboard.clear_pressed_force(target.position - robot.state.target_world_tcp.position)
         robot.move_pose(target, fastest, stretches(way, scene))
         for span in way:
             left -= span.start.distance_to(span.end)
@@ -288,9 +288,6 @@ class MoveJoints(Primitive):
         pose = pose_of_joints(state.scene, joints)
         return replace(state_at_rest(state, name, pose), joints=joints, activity="still")
 
-    def expectation(self, state: SymbolicState) -> Expectation:
-        return Expectation(holding=state.holding is not None, grasped=state.holding is not None)
-
     def run(self, blackboard: Blackboard) -> Steps:
         # Thresholds include what torque errors imitate along the whole joint motion.
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
@@ -325,7 +322,7 @@ def state_at_rest(state: SymbolicState, at: str | None, target: Pose) -> Symboli
         there,
         lifted=lifted,
         activity="still" if lifted else "contact",
-        moved=state.placing(state.holding, pose_world_object),
+        moved=state.place_object(state.holding, pose_world_object),
     )
 
 
@@ -341,7 +338,7 @@ def _weigh(blackboard: Blackboard) -> Wait:
     if reason := blackboard.load.turned(wrench, tool, unsure):
         raise LeafFailure(f"'{name}' moved in the grasp: {reason}")
     error = mistaken_weight(scene.arm, here.q, scene.pose_world_base.rotation.T @ [0.0, 0.0, 1.0])
-    blackboard.load = blackboard.load.hung(wrench, tool, unsure, error)
+    blackboard.load = blackboard.load.set_hanging_load(wrench, tool, unsure, error)
     weight, payload = blackboard.load.weight, robot.limits.payload
     if weight > payload * robot.gravity + UNFELT:
         raise LeafFailure(

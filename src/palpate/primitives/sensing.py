@@ -31,7 +31,7 @@ class _Sensing(Primitive):
     window: ClassVar[float]
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        return state.wrote(self.writes) if self.writes else state
+        return state.add_recording(self.writes) if self.writes else state
 
     def run(self, blackboard: Blackboard) -> Steps:
         robot, context = blackboard.robot, blackboard.state.context()

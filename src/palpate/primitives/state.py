@@ -157,7 +157,7 @@ class SymbolicState:
         """Believed pose of an object or surface."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
-    def placing(self, name: str, pose: Pose) -> Mapping[str, Pose]:
+    def place_object(self, name: str, pose: Pose) -> Mapping[str, Pose]:
         """`moved` with an object at a pose; without the object at its pose in the scene."""
         moved = {**self.moved, name: pose}
         if pose.digits == self.scene.body(name).pose_world.digits:
@@ -351,7 +351,7 @@ class SymbolicState:
             if pose.distance_to(self.scene.body(name).pose_world) > RESTORED_POSITION
         }
 
-    def wrote(self, buffer: str) -> SymbolicState:
+    def add_recording(self, buffer: str) -> SymbolicState:
         """State after a sensing leaf filled `buffer` in the current context."""
         context = self.context()
         return replace(

@@ -35,7 +35,6 @@ from palpate.primitives.rules.solids import solids
 from palpate.primitives.rules.support import above
 from palpate.primitives.state import SymbolicState, Violation
 from palpate.robots.pace import rubbing
-from palpate.robots.safety import Expectation
 from palpate.robots.sheet import MotionLimits
 from palpate.robots.trajectory import SWING_PEAK, rotate_quaternion
 from palpate.trace.recording import Activity
@@ -113,7 +112,7 @@ class _Turning(Primitive):
                 return [Violation("unreachable", problem)]
             there = replace(state, pose_world_tcp=pose, joints=None)
             if state.holding is not None and held is not None:
-                there = replace(there, moved=state.placing(state.holding, pose @ held))
+                there = replace(there, moved=state.place_object(state.holding, pose @ held))
             found += motion.violations(state, there, may_tilt=True)
             # A turn is not a guarded motion: it stays clear by the error of believed poses.
             if near_spans(state, here, pose, POSE_ERROR):
@@ -134,10 +133,6 @@ class _Turning(Primitive):
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         return replace(state, activity="still", contact=None)
-
-    def expectation(self, state: SymbolicState) -> Expectation:
-        held = state.holding is not None
-        return Expectation(holding=held, grasped=held)
 
     def _start(self, blackboard: Blackboard) -> None:
         reflexes = blackboard.robot.limits.reflexes

@@ -95,7 +95,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         settings,
         scene,
         plan,
-        tuple(Finding.of(**finding) for finding in result["plan"]["findings"]),
+        tuple(Finding(**finding) for finding in result["plan"]["findings"]),
         conversation=read_conversation(said) if said.exists() else None,
         seen=seen,
         rehearsal=_rehearsal(result["rehearsal"]),

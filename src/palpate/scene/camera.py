@@ -80,6 +80,7 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     """
     from PIL import Image  # most scenes have no picture
 
+    bombs = (Image.DecompressionBombError, Image.DecompressionBombWarning)
     content = read_bytes(path, MAX_BYTES, "a picture of the workspace")
     # A small file may unpack to a large picture. Pillow warns before it unpacks.
     try:
@@ -93,13 +94,7 @@ def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
                     )
                 file.thumbnail((max_side, max_side))
                 return np.asarray(file.convert("RGB"), dtype=np.uint8)
-    except (
-        OSError,
-        ValueError,
-        SyntaxError,
-        Image.DecompressionBombError,
-        Image.DecompressionBombWarning,
-    ) as error:
+    except (OSError, ValueError, SyntaxError, *bombs) as error:
         raise InputError(
             f"cannot read the image {path}: {error}; give a PNG or JPEG file"
         ) from None

@@ -302,7 +302,7 @@ def _placements(poses: Poses, roles: Roles) -> Iterator[Edit]:
     """Yield the changes that move bodies to the given poses, except a z that the file writes `?`."""
     for name, entry in poses.objects.items():
         element = roles.bodies[name].element
-        if roles.bodies[name].moved_by() is not None or element.get("fromto"):
+        if roles.bodies[name].posed_ancestor() is not None or element.get("fromto"):
             raise InputError(
                 f"{label(element)} is not placed by its own pos in the worldbody, so poses cannot move it"
             )
@@ -354,7 +354,7 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
 
 def _hangs(body: BodyDescription) -> bool:
     """True if an object has a stated pose in the world's axes, just above a support."""
-    if body.role != "object" or body.elements.moved_by() is not None:
+    if body.role != "object" or body.elements.posed_ancestor() is not None:
         return False
     if has_unknown(body.elements.element, "pos"):
         return False

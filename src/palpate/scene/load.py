@@ -280,9 +280,6 @@ def parse_scene(
     """Read a scene from text, as in `load_scene`.
 
     Relative file names start at `folder`. `poses` are YAML or parsed.
-
-    Raises:
-        InputError: as `load_scene`.
     """
     document = parse_document(text, folder, robots=robot_body)
     given = parse_poses(poses) if isinstance(poses, str) else poses or Poses()
@@ -292,10 +289,7 @@ def parse_scene(
 def as_world(scene: Scene) -> Scene:
     """The scene as a simulated world, exactly as MuJoCo compiles it.
 
-    Values that it leaves out have MuJoCo's defaults, and no value is unknown.
-
-    Raises:
-        InputError: a value is written `?`.
+    Values that it leaves out have MuJoCo's defaults; a `?` is an `InputError`.
     """
     if not scene.catalogue:
         return scene
@@ -311,9 +305,6 @@ def scene_from_text(
     """Read another version of a scene's MJCF, e.g. its twin, with the same folder, poses and arm.
 
     `elsewhere` are new poses of body frames in the world.
-
-    Raises:
-        InputError: as `load_scene`.
     """
     texts = Texts(text) if isinstance(text, str) else text
     # Convert the poses into entries of poses.yaml, which take precedence over the file.

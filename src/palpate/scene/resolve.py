@@ -51,7 +51,6 @@ class ResolvedScene:
 
     @property
     def document(self) -> Document:
-        """The parsed file."""
         return self.description.document
 
     def means(self) -> dict[Parameter, tuple[float, ...]]:
@@ -183,11 +182,8 @@ def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
     """Priors of all missing parameters: surfaces and fixtures first, then the objects on them."""
     found: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
-    for role in (
-        "surface",
-        "fixture",
-        "object",
-    ):  # the prior of an object's z depends on its surface
+    # Surfaces come first: the prior of an object's z depends on its surface.
+    for role in ("surface", "fixture", "object"):
         for body in bodies.values():
             # Earlier prior means are input for the later ones.
             for quantity in catalogue.of(role) if body.role == role else ():

@@ -92,7 +92,6 @@ class Scene:
 
     @property
     def catalogue(self) -> Catalogue:
-        """Catalogue of its quantities."""
         return self.resolved.catalogue
 
     @property

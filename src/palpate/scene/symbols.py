@@ -167,7 +167,7 @@ class Symbols:
         self._read[expression] = PoseExpression(name, tuple(left))
         return self._read[expression]
 
-    def found_out(self, expression: str) -> str | None:
+    def estimated_name(self, expression: str) -> str | None:
         """Name of the pose in an expression if its position is measured in a run, else None."""
         try:
             name = self.parse(expression).name if self.lines else None

@@ -59,7 +59,6 @@ def _find_element(document: Document, tag: str, name: str) -> Element:
 
 
 def _joints(found: DynamicsFit, document: Document) -> Iterator[Change]:
-    """Yield the changes of the joints."""
     for i, name in enumerate(found.arm.joints):
         joint = _find_element(document, "joint", name)
         for attribute, figure in WRITTEN.items():

@@ -9,8 +9,15 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate.common.errors import InputError
-from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Named, Texts, read_text
+from palpate.mjcf.edits import (
+    TextChange,
+    apply_changes,
+    inline_includes,
+    remove_attribute,
+    scan,
+    set_attribute,
+)
 from palpate.mjcf.reading import parse_document, reparse
 
 TWIN = "twin.xml"  # Name of a twin in the folder of a run
@@ -32,7 +39,7 @@ def one_text(document: Document, texts: Texts) -> str:
 def inlined(document: Document, texts: Texts) -> str:
     """Return the main text with the contents of all included files."""
     parts = {**document.texts, **texts.parts}
-    return spans.inline_includes(texts.main, document.includes, document.beside, parts)
+    return inline_includes(texts.main, document.includes, document.beside, parts)
 
 
 def pack(document: Document, folder: Path, name: str = TWIN) -> dict[str, str]:
@@ -69,23 +76,23 @@ class _Packing:
         flat = document
         if document.includes:
             flat = reparse(Texts(inlined(document, Texts(document.text))), document)
-        tags = spans.scan(flat.text)
+        tags = scan(flat.text)
         data = flat.text.encode("utf-8")
         # Change the names of files to those in the folder.
-        changes: list[spans.TextChange] = []
+        changes: list[TextChange] = []
         for named in flat.named:
             if named.model == flat.path:
                 if named.path not in self.names:
                     self.add(named.path, named.element.tag == "model", flat)
                 tag = tags[flat.index[named.element].number]
                 packed = self.names[named.path]
-                changes.append(spans.set_attribute(tag, named.attribute, packed))
+                changes.append(set_attribute(tag, named.attribute, packed))
         # Remove the folders of the compiler: all names are relative to the main text.
         for tag in tags:
             for attribute in FOLDERS if tag.name == "compiler" else ():
                 if attribute in tag.attributes:
-                    changes.append(spans.remove_attribute(data, tag, attribute))
-        self.texts[name] = spans.apply_changes(flat.text, changes)
+                    changes.append(remove_attribute(data, tag, attribute))
+        self.texts[name] = apply_changes(flat.text, changes)
 
     def add(self, path: Path, is_model: bool, document: Document) -> None:
         """Pack a file under a free name: an asset under its own, a model in the folder of the main text."""
@@ -168,11 +175,11 @@ def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts
 
 def with_values(text: str, values: Attributes) -> str:
     """Change values of attributes in a text."""
-    tags = spans.scan(text)
-    changes: list[spans.TextChange] = []
+    tags = scan(text)
+    changes: list[TextChange] = []
     for (number, attribute), value in values.items():
-        changes.append(spans.set_attribute(tags[number], attribute, value))
-    return spans.apply_changes(text, changes)
+        changes.append(set_attribute(tags[number], attribute, value))
+    return apply_changes(text, changes)
 
 
 class _Layout:

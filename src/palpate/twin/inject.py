@@ -238,7 +238,7 @@ def moved_along(
         # A z from the poses stays in the poses; an unknown z follows by `Position.follows`.
         posed = scene.resolved.description.bodies[name].given is not None
         is_measured = Parameter(name, "height") in values
-        is_placed = element.get("fromto") is None and body.elements.moved_by() is None
+        is_placed = element.get("fromto") is None and body.elements.posed_ancestor() is None
         if is_measured or posed or not is_placed:
             continue
         if not has_unknown(element, "pos", 2):

@@ -20,9 +20,20 @@ from lxml import etree
 
 from palpate.common.errors import InputError
 from palpate.estimation.estimate import Estimate
-from palpate.mjcf import edits as spans
 from palpate.mjcf.document import Document, Element, Texts, elements, parse_xml
-from palpate.mjcf.edits import Change, Insert
+from palpate.mjcf.edits import (
+    Change,
+    Insert,
+    TextChange,
+    XmlTag,
+    apply_changes,
+    first_child,
+    last_children,
+    remove_attribute,
+    scan,
+    set_attribute,
+    write_element,
+)
 
 MAX_SENTENCE = 1000  # Characters of a method that are kept
 # New text of an attribute, by the number of its element and its name; None removes it.
@@ -46,7 +57,7 @@ def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
 
 def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
     """Make the changes in the text of one file."""
-    tags = spans.scan(text)
+    tags = scan(text)
     data = text.encode("utf-8")
     # Collect the edits: several edits of one attribute add up.
     values: dict[tuple[int, str], str | None] = {}
@@ -63,17 +74,17 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
                 now = written
             values[i, name] = edit.value(values.get((i, name), now))
     # Convert the values and inserts to changes of the text, and apply them.
-    made: list[spans.TextChange] = []
+    made: list[TextChange] = []
     for (i, name), value in values.items():
         if value is None:
-            made.append(spans.remove_attribute(data, tags[i], name))
+            made.append(remove_attribute(data, tags[i], name))
         else:
-            made.append(spans.set_attribute(tags[i], name, value))
+            made.append(set_attribute(tags[i], name, value))
     for insert in inserts:
         parent = tags[document.index[insert.parent].number]
-        content = spans.element(insert.tag, insert.attributes)
-        made.append(spans.first_child(data, parent, content))
-    result = spans.apply_changes(text, made)
+        content = write_element(insert.tag, insert.attributes)
+        made.append(first_child(data, parent, content))
+    result = apply_changes(text, made)
     require_same(document, text, result, values, inserts)
     return result
 
@@ -111,22 +122,22 @@ def write_records(text: str, records: Sequence[Estimate]) -> str:
     if not records:
         return text
     # Find the existing records.
-    tags = spans.scan(text)
+    tags = scan(text)
     data = text.encode("utf-8")
-    present: dict[str, spans.XmlTag] = {}
+    present: dict[str, XmlTag] = {}
     for tag in tags:
         if tag.name in ("numeric", "text") and tag.depth == 2:
             present[tag.value(data, "name")] = tag
-    made: list[spans.TextChange] = []
+    made: list[TextChange] = []
     added: list[str] = []
     for tag, name, content in entries_of(records):
         if name in present:
-            made.append(spans.set_attribute(present[name], "data", content))
+            made.append(set_attribute(present[name], "data", content))
         else:
-            added.append(spans.element(tag, {"name": name, "data": content}))
+            added.append(write_element(tag, {"name": name, "data": content}))
     if added:
         made.append(_add_elements(data, tags, added))
-    return spans.apply_changes(text, made)
+    return apply_changes(text, made)
 
 
 def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:
@@ -150,7 +161,7 @@ def as_text(values: Iterable[float]) -> str:
     return " ".join(f"{value:.7g}" for value in values)
 
 
-def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> spans.TextChange:
+def _add_elements(data: bytes, tags: list[XmlTag], added: list[str]) -> TextChange:
     """Add elements to `<custom>`, with the indentation of the file; a missing `<custom>` is made."""
     # Line break and indentation before the first element in the root; none in a text of one line.
     before = data[tags[0].end : tags[1].start]
@@ -163,7 +174,7 @@ def _add_elements(data: bytes, tags: list[spans.XmlTag], added: list[str]) -> sp
     # Three cases: no `<custom>`, an empty one, one with content.
     custom = next((tag for tag in tags if tag.name == "custom" and tag.depth == 1), None)
     if custom is None:
-        return spans.last_children(data, tags[0], [content], line)
+        return last_children(data, tags[0], [content], line)
     if custom.empty:
-        return spans.TextChange(custom.start, custom.last, content)
-    return spans.last_children(data, custom, added, deeper)
+        return TextChange(custom.start, custom.last, content)
+    return last_children(data, custom, added, deeper)

@@ -142,15 +142,8 @@ def build_twin(
     notes += made.notes
     # The twin is complete without a simulation, if that fails.
     document = scene.resolved.document
-    twin = Twin(
-        one_text(document, made.texts),
-        diff_of(document, made.texts),
-        tuple(notes),
-        None,
-        unwritten=made.unwritten,
-        document=document,
-        texts=made.texts,
-    )
+    xml, diff = one_text(document, made.texts), diff_of(document, made.texts)
+    twin = Twin(xml, diff, tuple(notes), None, None, made.unwritten, document, made.texts)
     try:
         read = scene_from_text(made.texts, scene, measured_places(scene, written))
         validation = validate(read, scene, trace, replay if written else None)
@@ -225,16 +218,8 @@ def read_twin(
     read = None
     if validation is not None and scene.bodies:
         read = scene_from_text(texts, scene, measured_places(scene, written))
-    return Twin(
-        xml,
-        diff_of(document, texts),
-        tuple(notes),
-        validation,
-        scene=read,
-        unwritten=tuple(unwritten),
-        document=document,
-        texts=texts,
-    )
+    diff = diff_of(document, texts)
+    return Twin(xml, diff, tuple(notes), validation, read, tuple(unwritten), document, texts)
 
 
 def held_by_twin(estimates: Sequence[Estimate]) -> list[Estimate]:

@@ -65,8 +65,8 @@ def test_a_misspelt_argument_keeps_its_remedy() -> None:
 
 def test_other_faults_stay_apart() -> None:
     both = [
-        Finding.of("tree", "gripper-at-end", "the gripper is closed at the end; OpenGripper"),
-        Finding.of("tree", "not-restored", "'cup' is left elsewhere; MovePose it back"),
+        Finding("tree", "gripper-at-end", "the gripper is closed at the end; OpenGripper"),
+        Finding("tree", "not-restored", "'cup' is left elsewhere; MovePose it back"),
     ]
     assert len(digest(both)) == 2
 

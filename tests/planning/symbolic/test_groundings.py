@@ -62,7 +62,7 @@ class Listen(Primitive):
         yield cls(seconds=0.5, channels=frozenset({"left"}))
 
     def effects(self, state: SymbolicState) -> SymbolicState:
-        return state.wrote("sound")
+        return state.add_recording("sound")
 
     def run(self, blackboard: object) -> Steps:
         yield

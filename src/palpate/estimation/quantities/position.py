@@ -154,7 +154,7 @@ def require_world_frame(body: BodyDescription) -> None:
     Raises:
         InputError: The element is inside a frame that moves it.
     """
-    outer = body.elements.moved_by()
+    outer = body.elements.posed_ancestor()
     if outer is not None:
         raise InputError(
             f"{label(body.elements.element)} is inside a <{outer.tag}> that moves it; write its pos in "

@@ -120,13 +120,15 @@ def unpassable_regions(
     symbols = case.scene.symbols
     # Between two estimated poses the path is unknown, so a known pose must come between.
     for action in walk.actions:
-        start, goal = (symbols.found_out(at or "") for at in (action.before.at, action.after.at))
+        start, goal = (
+            symbols.estimated_name(at or "") for at in (action.before.at, action.after.at)
+        )
         if start is not None and goal is not None and start != goal:
             message = (
                 f"'{start}' and '{goal}' are both estimated in the run, so the path between them is unknown; "
                 f"MovePose to '{symbols.subjects[goal]}_pose + z_offset' first"
             )
-            yield Finding.of(action.path, "unknown-start", message)
+            yield Finding(action.path, "unknown-start", message)
     # A fault at the believed pose is reported already. Only rules that break elsewhere in the
     # region count.
     known = {(finding.path, finding.rule) for finding in all_findings(case, walk)}
@@ -143,7 +145,7 @@ def unpassable_regions(
                     f"{1e3 * line.most:.0f} mm along; at {1e3 * place:.0f} mm {problem}; use "
                     f"'{symbols.subjects[name]}_pose' with a free offset instead"
                 )
-                yield Finding(found.path, replace(found.violation, message=message))
+                yield replace(found, message=message)
                 break
 
 
@@ -154,7 +156,7 @@ def estimated_poses(case: CheckedPlan) -> dict[str, PoseLine]:
     for primitive in case.form.primitives.values():
         # Only MovePose goes to an estimated pose.
         if symbols is not None and isinstance(primitive, MovePose):
-            name = symbols.found_out(primitive.pose)
+            name = symbols.estimated_name(primitive.pose)
             if name is not None:
                 lines[name] = symbols.lines[name]
     return lines
@@ -162,10 +164,8 @@ def estimated_poses(case: CheckedPlan) -> dict[str, PoseLine]:
 
 def all_findings(case: CheckedPlan, walk: Walk) -> list[Finding]:
     """Return the findings of a walk, including objects that are displaced at its end."""
-    displaced = [
-        Finding.of(path, "not-restored", m) for path, m in objects_displaced_at_end(case, walk)
-    ]
-    return [*walk.findings, *displaced]
+    displaced = objects_displaced_at_end(case, walk)
+    return [*walk.findings, *(Finding(path, "not-restored", m) for path, m in displaced)]
 
 
 # The check itself, for plans of any author.
@@ -234,7 +234,7 @@ def check(
     found: list[Finding] = []
     # Test the text of the plan first: this needs no scene.
     for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
-        found += [Finding.of(path, id, message) for path, message in rule(case)]
+        found += [Finding(path, id, message) for path, message in rule(case)]
     # Without a tree there is nothing to walk over.
     if plan.tree is None:
         return tuple(found)
@@ -246,5 +246,5 @@ def check(
         for id, judged in WALK_RULES.items() if not walk.full else ():
             # Rules on complete plans need every action to be readable.
             if not (walk.unread and id in COMPLETE_RULES):
-                found += [Finding.of(path, id, message) for path, message in judged(case, walk)]
+                found += [Finding(path, id, message) for path, message in judged(case, walk)]
     return tuple(dict.fromkeys(found))[:MAX_FINDINGS]

@@ -15,31 +15,16 @@ from palpate.planning.plan import Node, Plan
 from palpate.planning.request.query import GRIPPER
 from palpate.primitives.base import Primitive
 from palpate.primitives.registry import Vocabulary
-from palpate.primitives.state import Violation
 from palpate.scene.scene import Scene
 
 
 @dataclass(frozen=True, slots=True)
 class Finding:
-    """Violation with its path in the plan (`tree.children[3]`)."""
+    """Fault of a plan."""
 
-    path: str
-    violation: Violation
-
-    @classmethod
-    def of(cls, path: str, rule: str, message: str) -> Finding:
-        """Make a finding of a rule on whole plans."""
-        return cls(path, Violation(rule, message))
-
-    @property
-    def rule(self) -> str:
-        """Id of the broken rule, one of `check.RULES`."""
-        return self.violation.rule
-
-    @property
-    def message(self) -> str:
-        """Description with a remedy."""
-        return self.violation.message
+    path: str  # place in the plan, such as `tree.children[3]`
+    rule: str  # id of the broken rule, one of `check.RULES`
+    message: str  # description with a remedy
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,7 +80,7 @@ class CheckedPlan:
         return Form.of(self.plan.tree, self.words)
 
     @property
-    def unclear(self) -> bool:
+    def is_unclear(self) -> bool:
         """True if a parameter names an unknown object or quantity, so that the aim of the plan is unknown."""
         return any(not self.exists(parameter) for parameter in self.plan.parameters)
 

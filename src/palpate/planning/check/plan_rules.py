@@ -268,7 +268,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         if not is_stray(parameter, case):
             if parameter in made and not case.repeated:
                 yield action.path, f"{parameter} is already measured; remove this"
-            elif parameter not in case.plan.parameters and not case.unclear:
+            elif parameter not in case.plan.parameters and not case.is_unclear:
                 yield (
                     action.path,
                     f"this yields {parameter}, which is not among the parameters; remove it",
@@ -276,7 +276,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         made.add(parameter)
     # Recordings that serve no parameter. A slide with a finding is skipped: it will change.
     for action in unused_recordings(case, walk):
-        if not walk.doubts(action.path):
+        if not walk.has_doubt_about(action.path):
             _, context = action.after.logged[-1]
             of = f"of '{context.holding}' in the hand" if context.holding else "of the empty hand"
             yield (
@@ -288,7 +288,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 def check_touches(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
     """Allow grasps of the parameters' objects, their blockers and tools; without parameters, of one named tool."""
     assert case.scene is not None
-    if case.unclear:
+    if case.is_unclear:
         return
     # Objects of the parameters are always allowed.
     concerned = {parameter.object for parameter in case.plan.parameters}

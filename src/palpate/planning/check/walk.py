@@ -39,7 +39,6 @@ class WalkedAction:
 
     @property
     def conversion(self) -> Parameter | None:
-        """Parameter of its conversion, if any."""
         if not isinstance(self.primitive, ConversionPrimitive) or self.primitive.measures is None:
             return None
         subject = self.primitive.subject(self.before)
@@ -115,7 +114,7 @@ class Walk:
             if (parameter := action.conversion) is not None:
                 yield action, parameter
 
-    def doubts(self, path: str) -> bool:
+    def has_doubt_about(self, path: str) -> bool:
         """True if a leaf logs a slide that has a finding, so its recording will change."""
         return any(
             found.rule == "short-slide" and path.startswith(f"{found.path}.")
@@ -163,7 +162,7 @@ class Walk:
             violation = unfelt_slide(before, after)
             if violation is not None:
                 self.failed = True
-                self.findings.append(Finding(path, violation))
+                self.findings.append(Finding(path, violation.rule, violation.message))
         return after
 
     def _judge_together(self, path: str, moving: Sequence[str], before: SymbolicState) -> None:
@@ -187,7 +186,7 @@ class Walk:
             if len(moving) > 1 and "gripper" in primitive.claims and held:
                 name = before.holding or max(filter(None, held))
                 message = f"the fingers would grasp or release '{name}' while the arm moves; put both into a Sequence"
-                self.findings.append(Finding.of(path, "gripper-state", message))
+                self.findings.append(Finding(path, "gripper-state", message))
                 return
         # Judge each motion after the others as well.
         for where, first in firsts.items():
@@ -225,7 +224,7 @@ class Walk:
         # Suppress findings that only follow from earlier ones.
         reported = [violation for violation in found if not self._follows(primitive, violation)]
         for violation in offer_remedies(primitive, before, reported):
-            self.findings.append(Finding(path, violation))
+            self.findings.append(Finding(path, violation.rule, violation.message))
         return {violation.rule for violation in found}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:

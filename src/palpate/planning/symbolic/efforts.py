@@ -42,7 +42,6 @@ class Errand:
 
     @property
     def explanation(self) -> str:
-        """Explanation of the plan."""
         over = " and ".join(f"'{name}'" for name in self.objects)
         return (
             f"'{self.tool}' is fetched, held over {over} and returned. No primitive reads the "

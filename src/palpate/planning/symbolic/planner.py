@@ -34,7 +34,7 @@ from palpate.scene.remarks import contradictions, overlap_of
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from palpate.planning.symbolic.efforts import Errand
+    pass
 
 
 # Quantities of the exhaustive baseline by role: "probe heights, weigh, and test friction" in the
@@ -86,7 +86,11 @@ class SymbolicPlanner:
             found = errand(request, scene)
             if found is None:
                 raise
-            return self._errand(found, scene)
+            chainer = Backchainer(scene)
+            chainer.go_home()
+            chainer.hold(found.tool, found.spots)
+            chainer.go_home()
+            return Plan((), chainer.tree(), found.explanation, self.name)
         # Separate stated values and quantities that no primitive measures.
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = [UnmeasuredParameters(reason) for reason in asked.cannot]
@@ -105,7 +109,8 @@ class SymbolicPlanner:
         if not made.measured and (made.failed or nothing_asked):
             raise PlanRejected(" ".join([*reasons, *doubts]))
         # Collect the remarks: stated values, unknown heights, and contradictions in the scene.
-        notes = [known_note(parameter, scene) for parameter in known]
+        stated = (stated_clause(parameter, scene) for parameter in known)
+        notes = [f"{clause}, and is measured again only on request." for clause in stated]
         sentences = [*asked.remarks, *explanation(made), *notes, *reasons]
         remarks = [*notes, *unknown_heights(made, scene), *doubts]
         if made.measured:
@@ -119,14 +124,6 @@ class SymbolicPlanner:
             declared=None if wanted or unmeasured else "nothing_missing",
             unmeasured=unmeasured,
         )
-
-    def _errand(self, errand: Errand, scene: Scene) -> Plan:
-        """Plan to carry a tool without a measurement."""
-        chainer = Backchainer(scene)
-        chainer.go_home()
-        chainer.hold(errand.tool, errand.spots)
-        chainer.go_home()
-        return Plan((), chainer.tree(), errand.explanation, self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -340,11 +337,6 @@ def split_known(
         stated = body is not None and catalogue()[parameter.quantity].known_as() in body.known
         (known if stated and not remeasure else wanted).append(parameter)
     return known, wanted
-
-
-def known_note(parameter: Parameter, scene: Scene) -> str:
-    """Note on a stated parameter that is not measured."""
-    return f"{stated_clause(parameter, scene)}, and is measured again only on request."
 
 
 def stated_clause(parameter: Parameter, scene: Scene) -> str:

@@ -177,7 +177,9 @@ class Backchainer:
         # recordings.
         for parameter in parameters:
             while not has_measurement(parameter, self.state):
-                if not (self.balances and weighed and self._record_at_balance(parameter)):
+                spots = balance_expressions(self.scene, parameter, self.state)
+                last = spots if self.balances and weighed else ()
+                if not any(self._record(parameter, expressions) for expressions in last):
                     self._acquire(parameter)
                 if not added and self._hangs_level(name):
                     added = self._add_extra(parameters, extras)
@@ -259,11 +261,6 @@ class Backchainer:
         operators = self._operators(parameter.object, expressions)
         around = self._surroundings(parameter.object, expressions)
         return self._reach(operators, yielding(parameter, operators, self.words, around))
-
-    def _record_at_balance(self, parameter: Parameter) -> bool:
-        """Acquire the last piece of evidence at the balance point; return False without a path."""
-        spots = balance_expressions(self.scene, parameter, self.state)
-        return any(self._record(parameter, expressions) for expressions in spots)
 
     def _improve(self, parameter: Parameter) -> None:
         """Record evidence beyond the minimum where a single step yields it."""

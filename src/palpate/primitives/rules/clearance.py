@@ -280,12 +280,10 @@ def straight_path(
     if here > there and start.angle_to(end) < SAME_TURN:
         return straight_path(solids, end, start, (q[1], q[0]), width).reverse()
     key = (*here, *there)
-    path = solids.recent(("way", *key), lambda: _straight_path(solids, start, end, q))
+    path = solids.recent(
+        ("way", *key), lambda: arm_path(solids, hand_path(solids, start, end, 0.0), q)
+    )
     return replace(path, widths=np.full(path.count, width), key=(*key, width))
-
-
-def _straight_path(solids: Solids, start: Pose, end: Pose, q: tuple[Array, Array]) -> ArmPath:
-    return arm_path(solids, hand_path(solids, start, end, 0.0), q)
 
 
 def arm_path(solids: Solids, hand: ArmPath, q: tuple[Array, Array]) -> ArmPath:

@@ -43,7 +43,6 @@ from palpate.primitives.rules.unknown_heights import (
 )
 from palpate.primitives.state import HOME_CONFIG, SAME_POSE, SymbolicState, Violation
 from palpate.scene.load import GUESS
-from palpate.scene.scene import Scene
 
 # m, margin between the open fingers and an object between them. Derived grasps leave 2 mm on each
 # side (`grasp.SPARE`).
@@ -86,40 +85,32 @@ class Allowed:
 def collisions(before: SymbolicState, after: SymbolicState) -> tuple[Violation, ...]:
     """Collisions of the arm between two states, worst first; the start is known."""
     # The result depends on both arrangements and on the bodies that may be touched.
+    surfaces = touched_surfaces(before)
+    came = (before.contact, before.at if before.contact or surfaces else None, surfaces)
     goal = (after.at, after.contact, after.activity)
-    came = (before.contact, before.at if before.contact or touched_surfaces(before) else None)
-    key = (
-        "collisions",
-        *before.arrangement,
-        *came,
-        touched_surfaces(before),
-        *after.arrangement,
-        *goal,
-    )
+    key = ("collisions", *before.arrangement, *came, *after.arrangement, *goal)
     return solids(before.scene).get_or_compute(key, lambda: tuple(_collisions(before, after)))
 
 
 def finger_collisions(state: SymbolicState, end: float, around: str | None) -> list[Violation]:
     """Collisions of the fingers that open to `end` m from, or close on, the object `around`."""
+    pose = state.pose_world_tcp
+    if pose is None:
+        return []
+
+    def compute() -> list[Violation]:
+        free = replace(state, holding=None, pose_tcp_object=None)
+        swept = hand_sweep(free, finger_path(pose, opening(state), end), _largest(free))
+        allowed = Allowed(frozenset({around or ""}), frozenset(), around)
+        found: list[Violation] = []
+        for hit in islice(swept.hits(_margins(free, swept, allowed)), SHOWN):
+            met = f"the {hit.part.owner} would move into '{hit.other.owner}' at {hit.place}"
+            remedy = "choose a grasp clear of it, or carry it away first and back later"
+            found.append(Violation("collision", f"at '{state.at}' {met}; {remedy}"))
+        return found
+
     key = ("fingers", *state.arrangement, end, around, state.at)
-    return list(
-        solids(state.scene).get_or_compute(key, lambda: tuple(_finger_hits(state, end, around)))
-    )
-
-
-def _finger_hits(state: SymbolicState, end: float, around: str | None) -> Iterator[Violation]:
-    if state.pose_world_tcp is None:
-        return
-    free = replace(state, holding=None, pose_tcp_object=None)
-    path = finger_path(state.pose_world_tcp, opening(state), end)
-    swept = hand_sweep(free, path, _largest(free))
-    allowed = Allowed(frozenset({around or ""}), frozenset(), around)
-    for hit in islice(swept.hits(_margins(free, swept, allowed)), SHOWN):
-        yield Violation(
-            "collision",
-            f"at '{state.at}' the {hit.part.owner} would move into '{hit.other.owner}' at "
-            f"{hit.place}; choose a grasp clear of it, or carry it away first and back later",
-        )
+    return list(solids(state.scene).get_or_compute(key, compute))
 
 
 def _collisions(before: SymbolicState, after: SymbolicState) -> Iterator[Violation]:
@@ -185,13 +176,9 @@ def _path(before: SymbolicState, after: SymbolicState, width: float) -> ArmPath 
 def _largest(state: SymbolicState) -> float:
     """The largest margin, m, that any pair of parts can have."""
     unknown = any(lacks_measurement(state, name) for name in state.scene.surfaces)
-    doubt = solids(state.scene).get_or_compute("doubt", lambda: _most_doubt(state.scene))
+    doubts = (body.doubt for body in state.scene.objects.values())
+    doubt = solids(state.scene).get_or_compute("doubt", lambda: max(doubts, default=0.0))
     return max(GUESS if unknown else ARM, doubt)
-
-
-def _most_doubt(scene: Scene) -> float:
-    """Largest doubt of an object's pose, m."""
-    return max((body.doubt for body in scene.objects.values()), default=0.0)
 
 
 def _margins(state: SymbolicState, swept: Sweep, allowed: Allowed) -> Array:

@@ -25,22 +25,20 @@ class Grip:
 def grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
     """Contact of the pads with an object in the tool frame; None if they cover less than `BITE` of it."""
     like = shapes.alike[name]
-    key = ("grip", like, pose_tcp_object.digits)
-    return shapes.get_or_compute(key, lambda: _grip(shapes, like, pose_tcp_object))
 
-
-def _grip(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:
-    """Contact of the pads that also holds after a shift of the object by `BITE`."""
-    body = shapes.scene.body(name)
-    # Cheap test first: the fingers cannot meet an object outside its bounding sphere.
-    middle = pose_tcp_object.apply(body.centre)
-    if np.linalg.norm(middle) > np.linalg.norm(body.size) / 2 + shapes.scene.arm.hand.opening:
-        return None
-    # On an edge alone, the pads miss the object once it is shifted by the bite.
-    for shift in ((0.0, 0.0, BITE), (BITE, 0.0, 0.0), (-BITE, 0.0, 0.0)):
-        if _close_pads(shapes, name, pose_tcp_object.translate(shift)) is None:
+    def compute() -> Grip | None:
+        body = shapes.scene.body(like)
+        # Cheap test first: the fingers cannot meet an object outside its bounding sphere.
+        middle = pose_tcp_object.apply(body.centre)
+        if np.linalg.norm(middle) > np.linalg.norm(body.size) / 2 + shapes.scene.arm.hand.opening:
             return None
-    return _close_pads(shapes, name, pose_tcp_object)
+        # On an edge alone, the pads miss the object once it is shifted by the bite.
+        for shift in ((0.0, 0.0, BITE), (BITE, 0.0, 0.0), (-BITE, 0.0, 0.0)):
+            if _close_pads(shapes, like, pose_tcp_object.translate(shift)) is None:
+                return None
+        return _close_pads(shapes, like, pose_tcp_object)
+
+    return shapes.get_or_compute(("grip", like, pose_tcp_object.digits), compute)
 
 
 def _close_pads(shapes: Solids, name: str, pose_tcp_object: Pose) -> Grip | None:

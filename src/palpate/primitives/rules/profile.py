@@ -145,5 +145,5 @@ def _both_ways(state: SymbolicState, start: Pose, end: Pose) -> Iterator[Symboli
     elif state.pose_tcp_object is not None:
         placed = low @ state.pose_tcp_object
         if not clear_of_support(state, state.holding, placed):
-            moved = state.placing(state.holding, placed)
+            moved = state.place_object(state.holding, placed)
             yield replace(state, gripper="open", holding=None, pose_tcp_object=None, moved=moved)

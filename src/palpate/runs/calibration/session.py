@@ -144,7 +144,7 @@ class CalibrationSession:
         run = pipeline.rehearse(Run(self.settings, scene, plan, findings), self.callbacks)
         if run.findings:
             # Leave out the violation's advice, which addresses authors of plans.
-            finding, count = run.findings[0].violation.finding, len(run.findings)
+            finding, count = run.findings[0].message.partition(";")[0], len(run.findings)
             often = "" if count == 1 else f" ({count} motions of the calibration are refused)"
             raise InputError(
                 f"nothing is calibrated there: {finding}{often}; nothing moved: take away what is in the "
