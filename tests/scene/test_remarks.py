@@ -121,7 +121,7 @@ def test_what_nothing_collides_with_is_no_surface() -> None:
     mark = """<geom name="mark" type="box" size=".2 .2 .001" pos=".5 0 .221" contype="0"
     conaffinity="0"/>"""
     (line,) = read(UNKNOWN + mark)
-    assert "'mark' (nothing collides with it)" in line
+    assert "'mark' (it has no collisions)" in line
 
 
 @pytest.mark.parametrize(

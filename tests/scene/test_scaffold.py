@@ -7,7 +7,7 @@ from hypothesis import given, settings
 
 import palpate as pp
 from palpate.common.errors import InputError
-from palpate.scene.scaffold import MAX_THINGS, kinds, new_scene
+from palpate.scene.scaffold import MAX_OBJECTS, kinds, new_scene
 
 
 @pytest.fixture(scope="module")
@@ -32,7 +32,7 @@ def test_a_plan_is_found_for_each_of_them(made):
 
 
 def test_a_full_table_stands_apart(tmp_path):
-    names = sorted(kinds())[:MAX_THINGS]
+    names = sorted(kinds())[:MAX_OBJECTS]
     scene = pp.load(new_scene(tmp_path, names).scene)
     assert scene.plan(f"how heavy is the {names[7]}?").made.ready
     model = mujoco.MjModel.from_xml_string(new_scene(tmp_path / "again", names).scene.read_text())
@@ -56,7 +56,7 @@ def test_existing_files_are_not_overwritten(made):
         (["7up"], "table", "starts with a letter"),
         (["cup", "cup"], "table", "called 'cup'"),
         (["table"], "table", "surface's name"),
-        (["x"] * (MAX_THINGS + 1), "table", "too many"),
+        (["x"] * (MAX_OBJECTS + 1), "table", "too many"),
     ],
 )
 def test_names_and_folders_that_cannot_be_used_are_refused(tmp_path, names, surface, complaint):

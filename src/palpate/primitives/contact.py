@@ -102,7 +102,7 @@ class MoveUntilContact(Primitive):
     beneath.
 
     Probe a surface's height with `-z` from its approach pose, then rise straight up to there: a picture
-    tells no height, and a cloth hides it."""
+    does not show a height, and a cloth hides it."""
 
     claims: ClassVar = ARM
     group: ClassVar = "motion"

@@ -127,7 +127,7 @@ class OpenGripper(Primitive):
 
 class CloseGripper(Primitive):
     """Close the fingers until they meet a physical resistance; fails when nothing is between them,
-    or not what is believed to be. Use it at an object's grasp pose with the gripper open."""
+    or not the believed object. Use it at an object's grasp pose with the gripper open."""
 
     claims: ClassVar = GRIPPER
     group: ClassVar = "gripper"

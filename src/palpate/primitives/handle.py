@@ -43,7 +43,7 @@ CORRECTIONS = 4  # Largest number of corrections on the way back
 
 
 class _Working(Primitive):
-    """Base of what is done with a handle between the open fingers; it is let go of where it was found."""
+    """Base of motions with a handle between the fingers, which return it to its place."""
 
     claims: ClassVar = ARM | GRIPPER
     group: ClassVar = "motion"
@@ -90,8 +90,8 @@ class _Working(Primitive):
 
 
 class MoveHandle(_Working):
-    """Grasp the handle at `<fixture>_pose`, move it along its joint and back at three speeds, let go. At
-    `<fixture>_pose + z_offset` the empty hand moves so."""
+    """Grasp the handle at `<fixture>_pose`, move it along its joint and back at three speeds, release it. At
+    `<fixture>_pose + z_offset` the empty hand moves alike."""
 
     activity: ClassVar[Activity] = "working"
 
@@ -120,8 +120,8 @@ class MoveHandle(_Working):
 
 
 class FindLimits(_Working):
-    """Grasp the handle at `<fixture>_pose`, move it against the unknown limits of its joint and back, let
-    go."""
+    """Grasp the handle at `<fixture>_pose`, move it against the unknown limits of its joint and back,
+    release it."""
 
     activity: ClassVar[Activity] = "limit"
 

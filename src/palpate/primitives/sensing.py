@@ -45,7 +45,7 @@ class _Sensing(Primitive):
 
 
 class MeasureForces(_Sensing):
-    """Log the external wrench into `gripper_forces`: for a second, or, beside a motion in a Parallel,
+    """Log the external wrench into `gripper_forces`: for a second, or, in a Parallel with a motion,
     until the motion ends."""
 
     writes: ClassVar[str | None] = FORCES
@@ -134,14 +134,14 @@ class Force2Mass(_Conversion):
 
 
 class Force2Velocity(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the velocity of the gripper."""
+    """Convert `gripper_forces` logged during a motion into the velocity of the gripper."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Velocity
 
 
 class Force2Momentum(_Conversion):
-    """Convert `gripper_forces` logged beside a motion into the momentum of the held object."""
+    """Convert `gripper_forces` logged during a motion into the momentum of the held object."""
 
     reads: ClassVar[str | None] = FORCES
     measures: ClassVar[type[Quantity] | None] = Momentum

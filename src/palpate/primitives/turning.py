@@ -66,7 +66,7 @@ def swing_angle(pace: MotionLimits, frequency: float) -> float:
 
 
 class _Turning(Primitive):
-    """Rotation of the hand about the TCP and back, beside a recording."""
+    """Rotation of the hand about the TCP and back, during a recording."""
 
     claims: ClassVar = ARM
     group: ClassVar = "motion"
@@ -222,7 +222,7 @@ class Tilt(_Turning):
 class Turn(_Turning):
     """Turn the hand about the vertical and back.
 
-    In a Parallel with MeasureForces, empty and then with an object, it makes `com` surer."""
+    In a Parallel with MeasureForces, empty and then with an object, it improves `com`."""
 
     activity: ClassVar[Activity] = "turning"
     tries: ClassVar = tuple({"degrees": degrees} for degrees in TURNS)

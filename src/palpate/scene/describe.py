@@ -61,7 +61,7 @@ def name_words(name: str) -> set[str]:
     return words | {name.lower(), " ".join(part.lower() for part in parts)} - {""}
 
 
-def thing_words(
+def body_words(
     name: str, element: Element, geoms: tuple[Element, ...], defaults: Defaults, shapes: bool = True
 ) -> frozenset[str]:
     """Words for the body or geom `name` with `geoms` and named parts; `shapes` adds `box`, `ball`, …"""
@@ -380,16 +380,16 @@ def _no_surface(body: BodyDescription) -> str:
         return ""
     ids = [body.shapes.geom_ids[geom] for geom in body.elements.geoms]
     if not (body.shapes.model.geom_contype[ids] | body.shapes.model.geom_conaffinity[ids]).any():
-        return "nothing collides with it"
+        return "it has no collisions"
     if not _is_level(body.shapes, body.carrier):
         return "its top is not level"
-    for thing in body.objects():
-        if _carries(body, thing.footing()):
+    for item in body.objects():
+        if _carries(body, item.footing()):
             return ""
     # Without an object on it, the size decides: mounts and narrow bodies are no surfaces.
     extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
     if np.max(extent) < MOUNT and _carries(body, body.shapes.base().position):
-        return "the arm stands on it"
+        return "it is the arm's mount"
     if np.min(extent) < CARRYING:
         return f"it is narrower than {CARRYING:g} m and carries no object"
     return ""

@@ -36,7 +36,7 @@ class FittedShape:
     `x` and `y` are its middle; these, `width`, `depth` and `height` are in m. `yaw` is in rad.
     """
 
-    thing: SceneObject
+    item: SceneObject
     x: float
     y: float
     width: float
@@ -49,17 +49,17 @@ RIM = 0.03  # m, least margin of a plane around the objects on it
 FOOT = 0.20  # m, radius around the arm's foot: its base extends so far, and its hand stays outside
 
 
-def planes_and_things(
+def split_planes(
     objects: Sequence[SceneObject],
 ) -> tuple[list[SceneObject], list[SceneObject]]:
     """Sort detections into planes and objects; an `InputError` without a plane, or for a name given twice."""
-    for name, following in pairwise(sorted(thing.name for thing in objects)):
+    for name, following in pairwise(sorted(item.name for item in objects)):
         if name == following:
             raise InputError(f"scene: '{name}' is listed twice; give every object its own name")
-    planes = [thing for thing in objects if thing.shape == "plane"]
+    planes = [item for item in objects if item.shape == "plane"]
     if not planes:
         raise InputError("scene: no support is listed; list what carries the objects as a 'plane'")
-    return planes, [thing for thing in objects if thing.shape != "plane"]
+    return planes, [item for item in objects if item.shape != "plane"]
 
 
 def is_mount(shape: FittedShape) -> bool:
@@ -67,10 +67,10 @@ def is_mount(shape: FittedShape) -> bool:
     return float(np.hypot(shape.x, shape.y)) < FOOT
 
 
-def support_of(thing: SceneObject, planes: Sequence[SceneObject]) -> SceneObject:
+def support_of(item: SceneObject, planes: Sequence[SceneObject]) -> SceneObject:
     """The smallest plane whose box contains the foot of the object's box, else the largest."""
     # The foot of an object is the middle of the lower edge of its box.
-    x, y = (thing.bbox[0] + thing.bbox[2]) / 2, thing.bbox[3]
+    x, y = (item.bbox[0] + item.bbox[2]) / 2, item.bbox[3]
 
     def area(plane: SceneObject) -> float:
         left, top, right, bottom = plane.bbox
@@ -94,7 +94,7 @@ def widen_slab(slab: FittedShape, standing: Sequence[FittedShape]) -> FittedShap
         left, right = min(left, shape.x - across), max(right, shape.x + across)
         near, far = min(near, shape.y - along), max(far, shape.y + along)
     return FittedShape(
-        slab.thing, (left + right) / 2, (near + far) / 2, right - left, far - near, 0.0
+        slab.item, (left + right) / 2, (near + far) / 2, right - left, far - near, 0.0
     )
 
 
@@ -131,29 +131,29 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
     Raises:
         InputError: a box shows bare table, and a region of its size is elsewhere.
     """
-    planes = [thing for thing in objects if thing.shape == "plane"]
-    things = [thing for thing in objects if thing.shape != "plane" and thing.outline is None]
-    if not planes or not things:
+    planes = [item for item in objects if item.shape == "plane"]
+    items = [item for item in objects if item.shape != "plane" and item.outline is None]
+    if not planes or not items:
         return tuple(objects)
     pieces = _pieces(pixels, planes)
     size = np.array([pixels.shape[1], pixels.shape[0]], dtype=float)
     # Assign regions to boxes; a box of bare table near a free region is an error.
-    pieces_of = {thing.name: _own_piece(thing, things, pieces, size) for thing in things}
+    pieces_of = {item.name: _own_piece(item, items, pieces, size) for item in items}
     found: list[SceneObject] = []
-    for thing in objects:
-        piece = pieces_of.get(thing.name)
-        if piece is None and thing in things and _shows_table(thing, planes, pixels):
-            others = [other for other in things if other is not thing]
+    for item in objects:
+        piece = pieces_of.get(item.name)
+        if piece is None and item in items and _shows_table(item, planes, pixels):
+            others = [other for other in items if other is not item]
             free = [p for p in pieces if not any(_overlap(other, p, size) for other in others)]
             _refuse_bare(
-                thing, [piece for piece in free if _is_similar_size(thing, piece, size)], size
+                item, [piece for piece in free if _is_similar_size(item, piece, size)], size
             )
         if piece is not None:
             # Box and outline of the region as fractions of the image.
             left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
             outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
-            thing = replace(thing, bbox=(left, top, right, bottom), outline=outline)
-        found.append(thing)
+            item = replace(item, bbox=(left, top, right, bottom), outline=outline)
+        found.append(item)
     return tuple(found)
 
 
@@ -217,42 +217,42 @@ def directions(count: int) -> Array:
 
 
 def _own_piece(
-    thing: SceneObject, things: Sequence[SceneObject], pieces: Sequence[ColourRegion], size: Array
+    item: SceneObject, items: Sequence[SceneObject], pieces: Sequence[ColourRegion], size: Array
 ) -> ColourRegion | None:
     """The nearest region of similar size to a box, unless another object's box is nearer to it."""
     reach = NEAR * float(np.hypot(*size))
-    near = [piece for piece in pieces if _is_similar_size(thing, piece, size)]
+    near = [piece for piece in pieces if _is_similar_size(item, piece, size)]
     if not near:
         return None
-    nearest = min(near, key=lambda piece: _distance(thing, piece, size))
+    nearest = min(near, key=lambda piece: _distance(item, piece, size))
     # The assignment must be mutual: no other box may be nearer to the region.
-    mine = _distance(thing, nearest, size)
-    others = [_distance(other, nearest, size) for other in things if other is not thing]
+    mine = _distance(item, nearest, size)
+    others = [_distance(other, nearest, size) for other in items if other is not item]
     if mine > reach or min(others, default=np.inf) <= mine:
         return None
     return nearest
 
 
-def _is_similar_size(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
+def _is_similar_size(item: SceneObject, piece: ColourRegion, size: Array) -> bool:
     """True if a region and an object's box have similar width and height."""
-    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    box, corners = np.array(item.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
     # Ratios of width and height must be in [ALIKE, 1 / ALIKE].
     ratio = (corners[1] - corners[0]) / (box[1] - box[0])
     return bool(((ratio > ALIKE) & (ratio < 1 / ALIKE)).all())
 
 
-def _overlap(thing: SceneObject, piece: ColourRegion, size: Array) -> bool:
+def _overlap(item: SceneObject, piece: ColourRegion, size: Array) -> bool:
     """True if an object's box and a region's have pixels in common."""
-    box, corners = np.array(thing.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
+    box, corners = np.array(item.bbox).reshape(2, 2) * size, np.array(piece.box).reshape(2, 2)
     return bool((box[0] < corners[1]).all() and (corners[0] < box[1]).all())
 
 
-def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixels) -> bool:
+def _shows_table(item: SceneObject, planes: Sequence[SceneObject], pixels: Pixels) -> bool:
     """True if a box within a plane's box shows only the plane's colour."""
     size = np.array([pixels.shape[1], pixels.shape[0]])
     for plane in planes:
         first, last = (np.array(plane.bbox).reshape(2, 2) * size).round().astype(int)
-        low, high = (np.array(thing.bbox).reshape(2, 2) * size).round().astype(int)
+        low, high = (np.array(item.bbox).reshape(2, 2) * size).round().astype(int)
         if (low < first).any() or (high > last).any() or (high <= low).any():
             continue
         # Share of pixels of another colour in the box, with the plane as reference.
@@ -262,26 +262,26 @@ def _shows_table(thing: SceneObject, planes: Sequence[SceneObject], pixels: Pixe
     return False
 
 
-def _refuse_bare(thing: SceneObject, alike: Sequence[ColourRegion], size: Array) -> None:
+def _refuse_bare(item: SceneObject, alike: Sequence[ColourRegion], size: Array) -> None:
     """Refuse a box of bare table if the picture has a region of its size elsewhere, in words for the model."""
     if not alike:
         return
     # State the nearest candidate, so that the model can compare it with its box.
-    nearest = min(alike, key=lambda piece: _distance(thing, piece, size))
+    nearest = min(alike, key=lambda piece: _distance(item, piece, size))
     box = np.array(nearest.box).reshape(2, 2) / size
     wide, high = 100 * (box[1] - box[0])
-    left, top, right, bottom = thing.bbox
-    off = 100 * _distance(thing, nearest, size) / float(np.hypot(*size))
+    left, top, right, bottom = item.bbox
+    off = 100 * _distance(item, nearest, size) / float(np.hypot(*size))
     shown = ", ".join(f"{edge:.3f}" for edge in box.ravel().tolist())
     raise InputError(
-        f"scene: the box of '{thing.name}', {100 * (right - left):.0f} % x {100 * (bottom - top):.0f} % of the image, "
+        f"scene: the box of '{item.name}', {100 * (right - left):.0f} % x {100 * (bottom - top):.0f} % of the image, "
         f"shows bare table; the nearest region of about its size, {wide:.0f} % x {high:.0f} %, is {off:.0f} % of "
-        f"the image's diagonal away: look again, and correct the box of '{thing.name}', perhaps to [{shown}]"
+        f"the image's diagonal away: look again, and correct the box of '{item.name}', perhaps to [{shown}]"
     )
 
 
-def _distance(thing: SceneObject, piece: ColourRegion, size: Array) -> float:
+def _distance(item: SceneObject, piece: ColourRegion, size: Array) -> float:
     """Distance between the middles of an object's box and of a region's, pixels."""
-    mine = np.array(thing.bbox).reshape(2, 2).mean(axis=0) * size
+    mine = np.array(item.bbox).reshape(2, 2).mean(axis=0) * size
     theirs = np.array(piece.box).reshape(2, 2).mean(axis=0)
     return float(np.linalg.norm(mine - theirs))

@@ -20,8 +20,8 @@ from palpate.scene.detections import (
     Shape,
     directions,
     is_mount,
-    planes_and_things,
     sharpen_boxes,
+    split_planes,
     support_of,
     widen_slab,
 )
@@ -45,7 +45,7 @@ _SQUARE = np.array([[1.0, 1.0], [1.0, -1.0], [-1.0, -1.0], [-1.0, 1.0]])
 
 
 def fit(
-    camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None = None
+    camera: Camera, item: SceneObject, level: float, placed: PoseEntry | None = None
 ) -> FittedShape:
     """Fit a shape on the level plane at world z `level` to its box in the image.
 
@@ -55,26 +55,26 @@ def fit(
         InputError: no such shape fits; the message addresses the model.
     """
     # The box alone first: its result is the start of the fit to the outline.
-    found = _upright(camera, thing, level, placed)
-    if thing.outline is None or placed is not None:
+    found = _upright(camera, item, level, placed)
+    if item.outline is None or placed is not None:
         return found
-    if thing.shape == "box":
-        return _fit_turned_block(camera, thing, level, found)
-    if thing.shape == "cylinder":
-        return _fit_necked_cylinder(camera, thing, level, found)
+    if item.shape == "box":
+        return _fit_turned_block(camera, item, level, found)
+    if item.shape == "cylinder":
+        return _fit_necked_cylinder(camera, item, level, found)
     return found
 
 
 def _upright(
-    camera: Camera, thing: SceneObject, level: float, placed: PoseEntry | None
+    camera: Camera, item: SceneObject, level: float, placed: PoseEntry | None
 ) -> FittedShape:
     """Fit a shape to the four sides of its box by least squares; a block is turned only if `placed`."""
     from scipy.optimize import least_squares
 
-    left, top, right, bottom = thing.bbox
+    left, top, right, bottom = item.bbox
     width, height = camera.width, camera.height
     wanted = np.array([left * width, top * height, right * width, bottom * height])
-    start = _start(camera, thing, wanted, level, placed)
+    start = _start(camera, item, wanted, level, placed)
     # For a placed object, x and y are given and only the size is fitted.
     yaw, free = 0.0, slice(0, None)
     if placed is not None:
@@ -83,7 +83,7 @@ def _upright(
     def residual(chosen: Array) -> Array:
         values = start.copy()
         values[free] = chosen
-        seen = project_points(camera, _OUTLINES[thing.shape](values, level, yaw))
+        seen = project_points(camera, _OUTLINES[item.shape](values, level, yaw))
         return np.concatenate([seen.min(axis=0), seen.max(axis=0)]) - wanted
 
     low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
@@ -99,14 +99,14 @@ def _upright(
         misfit = float(np.abs(found.fun).max())
     if misfit > MISFIT * camera.height or np.hypot(*(start[:2] - foot)) > FAR:
         raise InputError(
-            f"scene: no {thing.shape} on a plane at z = {level:.3f} m fits the bbox of '{thing.name}' "
+            f"scene: no {item.shape} on a plane at z = {level:.3f} m fits the bbox of '{item.name}' "
             f"within {FAR:g} m of the camera; correct its shape, its bbox or the plane's height"
         )
-    return _FITTED[thing.shape](thing, start, yaw)
+    return _FITTED[item.shape](item, start, yaw)
 
 
 def _fit_turned_block(
-    camera: Camera, thing: SceneObject, level: float, square: FittedShape
+    camera: Camera, item: SceneObject, level: float, square: FittedShape
 ) -> FittedShape:
     """Fit a block with any two sides and yaw to its outline."""
     # Start from the square block at several yaws, as the outline has local optima.
@@ -114,7 +114,7 @@ def _fit_turned_block(
     starts = [[square.x, square.y, half, half, square.height / 2, yaw] for yaw in np.radians(TURNS)]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.002, -np.inf]
     high = [np.inf] * 6
-    best = _fit_outline(camera, thing, lambda v: _cuboid(v, level), starts, low, high)
+    best = _fit_outline(camera, item, lambda v: _cuboid(v, level), starts, low, high)
     x, y, half, half_depth, half_height, yaw = map(float, best)
     # Normalise the yaw to at most 45°: quarter turns exchange the sides.
     quarters = round(yaw / (np.pi / 2))
@@ -122,12 +122,12 @@ def _fit_turned_block(
         half, half_depth = half_depth, half
     turn = yaw - quarters * np.pi / 2
     return FittedShape(
-        thing, x, y, width=2 * half, depth=2 * half_depth, height=2 * half_height, yaw=turn
+        item, x, y, width=2 * half, depth=2 * half_depth, height=2 * half_height, yaw=turn
     )
 
 
 def _fit_necked_cylinder(
-    camera: Camera, thing: SceneObject, level: float, straight: FittedShape
+    camera: Camera, item: SceneObject, level: float, straight: FittedShape
 ) -> FittedShape:
     """Fit a cylinder that encloses an object with a neck: widest radius and full height."""
     # Start from the straight cylinder with and without a neck.
@@ -135,14 +135,14 @@ def _fit_necked_cylinder(
     starts = [[straight.x, straight.y, radius, half, *shares] for shares in NECKS]
     low = [-np.inf, -np.inf, 0.002, 0.002, 0.1, 0.1]
     high = [np.inf] * 4 + [1.0, 1.0]
-    best = _fit_outline(camera, thing, lambda v: _bottle(v, level), starts, low, high)
+    best = _fit_outline(camera, item, lambda v: _bottle(v, level), starts, low, high)
     x, y, radius, half = map(float, best[:4])
-    return FittedShape(thing, x, y, width=2 * radius, depth=2 * radius, height=2 * half)
+    return FittedShape(item, x, y, width=2 * radius, depth=2 * radius, height=2 * half)
 
 
 def _fit_outline(
     camera: Camera,
-    thing: SceneObject,
+    item: SceneObject,
     shape: Callable[[Array], Array],
     starts: Sequence[Sequence[float]],
     low: Sequence[float],
@@ -154,11 +154,11 @@ def _fit_outline(
     """
     from scipy.optimize import least_squares
 
-    assert thing.outline is not None
+    assert item.outline is not None
     # Support function of the outline: largest projection on each direction, pixels.
-    ways = directions(len(thing.outline))
+    ways = directions(len(item.outline))
     size = np.array([camera.width, camera.height])
-    reach = (np.array(thing.outline) * size @ ways.T).max(axis=0)
+    reach = (np.array(item.outline) * size @ ways.T).max(axis=0)
 
     def residual(values: Array) -> Array:
         return (project_points(camera, shape(values)) @ ways.T).max(axis=0) - reach
@@ -206,17 +206,17 @@ def project_points(camera: Camera, points: Array) -> Array:
 
 
 def _start(
-    camera: Camera, thing: SceneObject, box: Array, level: float, placed: PoseEntry | None
+    camera: Camera, item: SceneObject, box: Array, level: float, placed: PoseEntry | None
 ) -> Array:
     """Initial x, y and half extents, m."""
     # The foot of an object is at the lower edge of its box, the middle of a plane at the box's middle.
     middle, foot = (box[0] + box[2]) / 2, box[3]
-    if thing.shape == "plane":
+    if item.shape == "plane":
         foot = (box[1] + box[3]) / 2
     at = camera.on_plane(float(middle), float(foot), level)
     if at is None:
         raise InputError(
-            f"scene: the bbox of '{thing.name}' is above the horizon of a plane at z = {level:.3f} m"
+            f"scene: the bbox of '{item.name}' is above the horizon of a plane at z = {level:.3f} m"
         )
     # Half extents by similar triangles: pixels times distance over focal length.
     distance = float(np.linalg.norm(at - camera.pose_world_camera.position))
@@ -224,7 +224,7 @@ def _start(
     x, y = at[:2]
     if placed is not None:
         x, y = placed.pos[:2]
-    if thing.shape == "sphere":
+    if item.shape == "sphere":
         half = half[:1]
     return np.array([x, y, *half])
 
@@ -337,7 +337,7 @@ class DetectedScene:
             InputError: no plane, or a box that no such shape fills; the message addresses the model.
         """
         measured = dict(heights or {})
-        planes, things = planes_and_things(self.objects)
+        planes, items = split_planes(self.objects)
         known = self.template.poses
         camera, given = self.template.camera, known.objects
         # Height of each plane: measured, else from poses.yaml, else the model's estimate.
@@ -353,10 +353,10 @@ class DetectedScene:
         # Fit objects first, as a plane must extend below them. A shape at the arm's foot is the arm.
         fitted: list[FittedShape] = []
         standing: dict[str, list[FittedShape]] = {plane.name: [] for plane in planes}
-        for thing in things:
-            support = support_of(thing, planes).name
-            shape = fit(camera, thing, levels[support], given.get(thing.name))
-            if is_mount(shape) and thing.name not in given:
+        for item in items:
+            support = support_of(item, planes).name
+            shape = fit(camera, item, levels[support], given.get(item.name))
+            if is_mount(shape) and item.name not in given:
                 continue
             fitted.append(shape)
             standing[support].append(shape)
@@ -380,16 +380,16 @@ class DetectedScene:
     def _poses(
         self,
         slabs: Sequence[FittedShape],
-        things: Sequence[FittedShape],
+        items: Sequence[FittedShape],
         levels: Mapping[str, float],
     ) -> Poses:
         """Content of `poses.yaml` for the built scene, without names that are not in it."""
-        names = {shape.thing.name for shape in (*slabs, *things)}
+        names = {shape.item.name for shape in (*slabs, *items)}
         given = self.template.poses
         # The fitted planes get their heights as poses.
         tops: dict[str, ObjectEntry] = {}
         for slab in slabs:
-            tops[slab.thing.name] = ObjectEntry(pos=(slab.x, slab.y, levels[slab.thing.name]))
+            tops[slab.item.name] = ObjectEntry(pos=(slab.x, slab.y, levels[slab.item.name]))
         grasps = {name: entry for name, entry in given.grasps.items() if name in names}
         offsets = dict(given.offsets)
         for name, value in given.offsets.items():
@@ -400,7 +400,7 @@ class DetectedScene:
         return given.model_copy(update=stated)
 
 
-def _mjcf(slabs: Sequence[FittedShape], things: Sequence[FittedShape], poses: Poses) -> str:
+def _mjcf(slabs: Sequence[FittedShape], items: Sequence[FittedShape], poses: Poses) -> str:
     """MJCF of fitted shapes: heights `?`, masses and frictions missing."""
     camera = poses.camera
     assert camera is not None
@@ -422,22 +422,22 @@ def _mjcf(slabs: Sequence[FittedShape], things: Sequence[FittedShape], poses: Po
     for slab in slabs:
         size = metres(slab.width / 2, slab.depth / 2, THICKNESS / 2)
         lines += [
-            f'    <body name="{slab.thing.name}" pos="{metres(slab.x, slab.y)} ?">',
+            f'    <body name="{slab.item.name}" pos="{metres(slab.x, slab.y)} ?">',
             f'      <geom type="box" size="{size}" pos="0 0 {-THICKNESS / 2:g}"/>',
             "    </body>",
         ]
     # Objects with a free joint; MuJoCo's sizes are half extents.
-    for f in things:
+    for f in items:
         extents = (f.width / 2, f.depth / 2, f.height / 2)
-        if f.thing.shape == "cylinder":
+        if f.item.shape == "cylinder":
             extents = (f.width / 2, f.height / 2)
-        elif f.thing.shape == "sphere":
+        elif f.item.shape == "sphere":
             extents = (f.width / 2,)
         turned = f' euler="0 0 {np.degrees(f.yaw):.2f}"' if f.yaw else ""
         lines += [
-            f'    <body name="{f.thing.name}" pos="{metres(f.x, f.y)} ?"{turned}>',
+            f'    <body name="{f.item.name}" pos="{metres(f.x, f.y)} ?"{turned}>',
             "      <freejoint/>",
-            f'      <geom type="{f.thing.shape}" size="{metres(*extents)}"/>',
+            f'      <geom type="{f.item.shape}" size="{metres(*extents)}"/>',
             "    </body>",
         ]
     lines += ["  </worldbody>", "</mujoco>"]

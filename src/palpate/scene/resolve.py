@@ -25,7 +25,7 @@ from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
 from palpate.mjcf.inertial import Statement, written
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
-from palpate.scene.describe import Description, describe, thing_words
+from palpate.scene.describe import Description, body_words, describe
 from palpate.scene.poses import ObjectEntry, Poses
 
 # Attributes of geoms and joints that do not affect the scene's geometry.
@@ -129,7 +129,7 @@ class ResolvedScene:
         centre, size = body.box()
         is_object, is_surface = body.role == "object", body.role == "surface"
         entry = self.poses.objects.get(body.name)
-        words = thing_words(
+        words = body_words(
             body.name,
             body.carrier if is_surface else body.elements.element,
             body.elements.geoms if is_object else (body.carrier,) if is_surface else (),

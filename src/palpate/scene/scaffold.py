@@ -16,7 +16,7 @@ from typing import Any
 from palpate.common.errors import InputError
 from palpate.common.files import plain_yaml
 
-MAX_THINGS = 15
+MAX_OBJECTS = 15
 MAX_NAME = 60
 UNKNOWN = {"box": [60, 60, 80]}  # Shape and size, mm, of an object of unknown kind
 _COLOURS = {
@@ -72,11 +72,11 @@ def kinds() -> dict[str, dict[str, list[float]]]:
 
 
 def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
-    """Place an object for each name, in rows in front of the arm; at most `MAX_THINGS`, all with other names."""
+    """Place an object for each name, in rows in front of the arm; at most `MAX_OBJECTS`, all with other names."""
     # More objects than places in front of the arm.
-    if len(names) > MAX_THINGS:
+    if len(names) > MAX_OBJECTS:
         raise InputError(
-            f"{len(names)} objects are too many: at most {MAX_THINGS} fit in front of the arm; "
+            f"{len(names)} objects are too many: at most {MAX_OBJECTS} fit in front of the arm; "
             "add the others to the file yourself"
         )
     # Fill the rows from near to far, each from its middle outwards.
@@ -115,7 +115,7 @@ SCENE, POSES = "scene.xml", "poses.yaml"
 
 _HEAD = """\
 <!-- A scene for palpate. Lengths in m, masses in kg; x points away from the arm's foot, y to its left, z up.
-     What you know, write down. What you do not know, leave out or write as "?": that is what is measured. -->
+     Write known values. Leave unknown values out, or write "?": palpate measures them. -->
 <mujoco model="{model}">
   <asset>
     <texture name="sky" type="skybox" builtin="gradient" rgb1=".86 .91 .96" rgb2=".55 .66 .78" width="64" height="384"/>
@@ -125,7 +125,7 @@ _HEAD = """\
     <light pos="0.4 -0.6 1.9" dir="0 0.2 -1" diffuse=".8 .8 .8"/>
     <camera name="workspace" pos="1.35 -1.05 0.95" xyaxes="0.65 0.76 0 -0.38 0.33 0.86" fovy="42"/>
 
-    <!-- Where the arm's foot is. Everything below is measured from here. -->
+    <!-- The arm's base. All positions below are relative to it. -->
     <site name="robot_base" pos="0 0 0"/>
 
     <!-- The middle of a slab of 1.2 x 1.2 x 0.04 m, whose top is level with the arm's foot. If you do not know how
@@ -134,7 +134,7 @@ _HEAD = """\
       <geom type="box" size=".60 .60 .02" rgba=".88 .80 .66 1"/>
     </body>
 """
-_THING = """
+_OBJECT = """
     <!-- {about} -->
     <body name="{name}" pos="{x:g} {y:g} {z:.4g}">
       <freejoint/>
@@ -147,8 +147,8 @@ _SIZES = {
     "sphere": "its radius",
 }
 _POSES = """\
-# Where things are, where the MJCF does not say it well enough. Every entry is optional: remove the '#'
-# of what you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
+# Poses that the MJCF does not state, or not well enough. Every entry is optional: remove the '#'
+# of those you need. Lengths in m, angles in rad, z up. `palpate teach scene.xml` fills this in with you.
 
 # objects:                      # poses of the objects' frames in the world; they overrule the MJCF
 #   {first}: {{pos: [0.42, 0.0, 0.05], yaw: 0.3}}
@@ -182,17 +182,17 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
         InputError: not a name, a file that exists, or a folder that cannot be written.
     """
     surface = identifier(surface)
-    things = place_objects(names)
+    items = place_objects(names)
     # One name space for all bodies, as MuJoCo requires.
-    if surface in {thing.name for thing in things}:
+    if surface in {item.name for item in items}:
         raise InputError(f"'{surface}' is the surface's name: give the object another name")
     # The model's name is that of the folder, without characters special to XML.
     letters = [letter for letter in folder.absolute().name if letter.isalnum() or letter in " _-"]
     model = "".join(letters) or "scene"
-    first = things[0].name if things else "mug"
-    texts = {SCENE: scene_text(model, surface, things), POSES: _POSES.format(first=first)}
+    first = items[0].name if items else "mug"
+    texts = {SCENE: scene_text(model, surface, items), POSES: _POSES.format(first=first)}
     written(folder, texts)
-    return Scaffold(folder / SCENE, folder / POSES, tuple(thing.name for thing in things))
+    return Scaffold(folder / SCENE, folder / POSES, tuple(item.name for item in items))
 
 
 def written(folder: Path, texts: Mapping[str, str]) -> None:
@@ -210,22 +210,22 @@ def written(folder: Path, texts: Mapping[str, str]) -> None:
         raise InputError(f"cannot write into '{folder}': {error.strerror}") from error
 
 
-def scene_text(model: str, surface: str, things: Sequence[ScaffoldItem]) -> str:
+def scene_text(model: str, surface: str, items: Sequence[ScaffoldItem]) -> str:
     """MJCF of a surface and the objects on it, all masses missing."""
     text = _HEAD.format(model=model, surface=surface)
-    for thing in things:
+    for item in items:
         # A known kind gets a common size, any other object a box.
-        guess = "A box, for want of a better guess"
-        if thing.kind:
-            guess = f"A {thing.kind} of common size"
-        text += _THING.format(
-            about=f"{guess}: size is {_SIZES[thing.shape]}. Neither mass nor friction: missing.",
-            name=thing.name,
-            x=thing.x,
-            y=thing.y,
-            z=thing.height / 2,
-            shape=thing.shape,
-            size=thing.size,
-            colour=thing.colour,
+        guess = "A box, as the shape is unknown"
+        if item.kind:
+            guess = f"A {item.kind} of common size"
+        text += _OBJECT.format(
+            about=f"{guess}: size is {_SIZES[item.shape]}. Mass and friction are missing.",
+            name=item.name,
+            x=item.x,
+            y=item.y,
+            z=item.height / 2,
+            shape=item.shape,
+            size=item.size,
+            colour=item.colour,
         )
     return text + "  </worldbody>\n</mujoco>\n"

@@ -199,7 +199,7 @@ def empty_composite(case: CheckedPlan) -> Iterator[Fault]:
     """Require a child of every Sequence and Parallel."""
     for path, node in case.form.nodes.items():
         if node.type in case.words.composites and not node.children:
-            yield path, f"an empty {node.type} does nothing; give it children or remove it"
+            yield path, f"an empty {node.type} has no effect; give it children or remove it"
 
 
 def one_owner(case: CheckedPlan) -> Iterator[Fault]:
@@ -271,7 +271,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
             elif parameter not in case.plan.parameters and not case.is_unclear:
                 yield (
                     action.path,
-                    f"this yields {parameter}, which is not among the parameters; remove it",
+                    f"this yields {parameter}, which is not a parameter; remove it",
                 )
         made.add(parameter)
     # Recordings that serve no parameter. A slide with a finding is skipped: it will change.
