@@ -131,11 +131,9 @@ def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
 
 
 def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
-    """Yield every element with the number of its copies in its own model and in the scene.
-
-    The former is 0 after the first visit of a model. Each `<attach>` visits its model, which is visited at
-    least once.
-    """
+    """Yield every element with the number of its copies in its own model and in the scene."""
+    # The former is 0 after the first visit of a model. Each `<attach>` visits its model, which is
+    # visited at least once.
     seen: set[Document] = set()
     for start in (document, *document.attached().values()):
         pending = [] if start in seen else [(start.root, start, 1.0, 1.0)]

@@ -152,10 +152,8 @@ def compile_error(error: Exception) -> InputError:
 
 
 def _keep_all(root: Element) -> None:
-    """Remove settings by which MuJoCo would leave out or turn bodies and geoms.
-
-    They do not change the physics, and elements are looked up in the model in their own frames.
-    """
+    """Remove settings by which MuJoCo would leave out or turn bodies and geoms."""
+    # They do not change the physics, and elements are looked up in the model in their own frames.
     # `memory` and the deprecated `njmax` only reserve memory (XMLreference, size): too little, or gigabytes.
     for tag, attributes in (
         ("compiler", ("discardvisual", "fusestatic", "alignfree")),
@@ -220,10 +218,8 @@ def _leave_site(root: Element, original: Element, robot: Element, document: Docu
 
 
 def _attached_place(attach: Element, document: Document) -> dict[str, str]:
-    """Compute the pose of the first body of an attached robot relative to its `<attach>`.
-
-    It is compiled with the settings of its own model, which may use another angle unit.
-    """
+    """Compute the pose of the first body of an attached robot relative to its `<attach>`."""
+    # It is compiled with the settings of its own model, which may use another angle unit.
     # The first body of the attached content is the robot's base.
     part = brought(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)

@@ -217,11 +217,9 @@ class _Reader:
                     )
 
     def _file(self, name: str, element: Element, where: str, bare: str = "") -> Path:
-        """Return the path of the file that an element names.
-
-        It is relative to the scene's folder, else to the folder of the included file that has the element.
-        In the latter it has its `bare` name, without the folders set by `<compiler>`.
-        """
+        """Return the path of the file that an element names."""
+        # It is relative to the scene's folder, else to the folder of the included file that has the
+        # element. In the latter it has its `bare` name, without the folders set by `<compiler>`.
         # MuJoCo looks first in the scene's folder, then in that of the included file.
         origin = self.origins.get(element)
         if origin is not None and not _exists(self.folder, name):

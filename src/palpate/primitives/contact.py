@@ -177,10 +177,8 @@ class MoveUntilContact(Primitive):
         return there.raised(after.contact, top)
 
     def _correct_belief(self, believed: SymbolicState, there: SymbolicState) -> SymbolicState:
-        """State `there`, with the pose of the touched body corrected by the contact.
-
-        A body of uncertain size is left unchanged: its faces are measured to find the size.
-        """
+        """State `there`, with the pose of the touched body corrected by the contact."""
+        # A body of uncertain size is left unchanged: its faces are measured to find the size.
         first = touch(believed, self.direction, SEARCHED)
         body = None if first is None else there.scene.bodies.get(first[0].other.owner)
         if first is None or body is None or body.seen or "size" in body.missing:

@@ -291,10 +291,9 @@ def _nearest(state: SymbolicState) -> str:
 
 
 def _believed_width(state: SymbolicState) -> tuple[float, float]:
-    """Believed opening, m, of the fingers closed on the object between them, and its doubt, m.
-
-    The opening is nan without an object, or for an unknown size: no width exceeds or falls below nan.
-    """
+    """Believed opening, m, of the fingers closed on the object between them, and its doubt, m."""
+    # The opening is nan without an object, or for an unknown size: no width exceeds or falls below
+    # nan.
     pose, body = state.pose_world_tcp, state.object_at(state.pose_world_tcp)
     if pose is None or body is None:
         return math.nan, 0.0

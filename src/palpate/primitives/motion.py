@@ -347,11 +347,9 @@ def _weigh(blackboard: Blackboard) -> Wait:
 
 
 def _balance_point(blackboard: Blackboard, name: str) -> tuple[float, str]:
-    """Place along the line of a balance pose, m, and its source as text.
-
-    It is the place nearest to the measured centre of mass. If the measurement does not differ
-    significantly from the believed place, it is the believed one.
-    """
+    """Place along the line of a balance pose, m, and its source as text."""
+    # It is the place nearest to the measured centre of mass. If the measurement does not differ
+    # significantly from the believed place, it is the believed one.
     scene, trace = blackboard.scene, blackboard.recorder.snapshot()
     subject, line = scene.symbols.subjects[name], scene.symbols.lines[name]
     # Estimate the centre of mass from all recordings so far.

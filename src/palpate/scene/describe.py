@@ -372,10 +372,9 @@ def _hangs(body: BodyDescription) -> bool:
 
 
 def _no_surface(body: BodyDescription) -> str:
-    """Reason why a static body is no surface; empty if it is one.
-
-    A surface has a level top that is wide enough or carries an object, and is not the arm's mount.
-    """
+    """Reason why a static body is no surface; empty if it is one."""
+    # A surface has a level top that is wide enough or carries an object, and is not the arm's
+    # mount.
     if body.top_is_open:
         return ""
     ids = [body.shapes.geom_ids[geom] for geom in body.elements.geoms]

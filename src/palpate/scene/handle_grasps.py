@@ -146,11 +146,9 @@ def handle_grasp(
 
 
 def _level(way: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]:
-    """Level unit directions (3,) of an approach to a handle.
-
-    They are along and across the handle's motion `way` (3,), and along and across the narrowest width
-    of each of its parts. They lead `away` (3,) from the arm, sorted by the cosine to it.
-    """
+    """Level unit directions (3,) of an approach to a handle."""
+    # They are along and across the handle's motion `way` (3,), and along and across the narrowest
+    # width of each of its parts. They lead `away` (3,) from the arm, sorted by the cosine to it.
     angles = [float(np.arctan2(way[1], way[0])), *(_narrowest(shape) for shape in handle)]
     turns = np.add.outer(angles, np.arange(4) * np.pi / 2).ravel()
     whole = np.unique(np.round(np.degrees(turns)) % 360.0)

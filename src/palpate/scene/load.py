@@ -215,11 +215,9 @@ def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
 
 
 def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, float]]:
-    """Yield poses with the rise, m, of the surface below each.
-
-    They are named poses without an object or surface, and temporary poses, which may be on another
-    surface.
-    """
+    """Yield poses with the rise, m, of the surface below each."""
+    # They are named poses without an object or surface, and temporary poses, which may be on
+    # another surface.
     for name, pose in scene.symbols.poses.items():
         if name in scene.symbols.subjects and not name.endswith(TEMPORARY):
             continue

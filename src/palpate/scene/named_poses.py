@@ -157,11 +157,9 @@ def fronts(
 def _lines(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, PoseLine]:
-    """Segments of possible balance points about the grasps of objects.
-
-    They reach to twice the x_offset on both sides. Shorter ones than the pads are left out, and so are
-    balance poses that poses.yaml gives.
-    """
+    """Segments of possible balance points about the grasps of objects."""
+    # They reach to twice the x_offset on both sides. Shorter ones than the pads are left out, and
+    # so are balance poses that poses.yaml gives.
     lines: dict[str, PoseLine] = {}
     for name in geometry.objects:
         pose, body = poses[f"{name}_pose"], geometry.bodies[name]
@@ -285,11 +283,9 @@ def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
 
 
 def _own_offsets(geometry: Geometry, name: str, grasp: Grasp, pose: Pose) -> dict[str, Array]:
-    """Offsets (3,), m, of an object.
-
-    Along x it is half of the grasp's slack beyond the pads, along y a quarter of the width. Along z it
-    is a lift that clears the neighbours.
-    """
+    """Offsets (3,), m, of an object."""
+    # Along x it is half of the grasp's slack beyond the pads, along y a quarter of the width. Along
+    # z it is a lift that clears the neighbours.
     # At least 5 mm, even if the grasp has no slack.
     x = max((grasp.slack - geometry.arm.hand.pad) / 2, 0.005)
     y = max(grasp.width / 4, 0.005)

@@ -121,11 +121,9 @@ def approach_pose(
 
 
 def _middle(reach: Reach, top: Array, objects: Sequence[Array], base: Pose) -> Array:
-    """Start (2,) of the search, m.
-
-    It is the mean of the objects' middles. Without objects it is the surface's middle or, on a large
-    surface, the part in front of the arm.
-    """
+    """Start (2,) of the search, m."""
+    # It is the mean of the objects' middles. Without objects it is the surface's middle or, on a
+    # large surface, the part in front of the arm.
     if objects:
         middles = [(cloud.max(axis=0) + cloud.min(axis=0))[:2] / 2 for cloud in objects]
         return np.mean(middles, axis=0)

@@ -83,7 +83,7 @@ _ACTIONS = {
     f"evidence of its quantity; for a weight, the object is lifted by more than {mm(LIFTED)}.",
     "blocked": f"Hand and held object keep {mm(BESIDE)} from every other object on the whole path; objects "
     "on top are carried away first.",
-    "collision": f"They keep {mm(ENTERED)} from an object between the fingers, {mm(FIXED)} from fixed bodies "
+    "collision": f"Both keep {mm(ENTERED)} from an object between the fingers, {mm(FIXED)} from fixed bodies "
     f"({mm(GUESSED)} above a surface of unknown height, which is only probed), the arm's links "
     f"{mm(ARM)} from everything; Tilt, Turn and Swing keep {mm(POSE_ERROR)}, in free air.",
     "self-collision": f"The arm keeps {mm(ARM)} from itself.",

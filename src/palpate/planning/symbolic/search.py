@@ -305,10 +305,8 @@ class Backchainer:
         return self._ground_primitives(self._surroundings(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
-        """True if an object is held at its believed balance point.
-
-        The less an object turns in the fingers, the longer it can be held.
-        """
+        """True if an object is held at its believed balance point."""
+        # The less an object turns in the fingers, the longer it can be held.
         held = self.state.pose_tcp_object
         if self.state.holding != name or held is None:
             return False
@@ -323,10 +321,8 @@ class Backchainer:
         return False
 
     def _add_before(self, parameters: Iterable[Parameter], operator: Primitive) -> None:
-        """Insert the same recording with the empty hand where the last path passed this pose.
-
-        The friction of the joints is then the same with and without the object.
-        """
+        """Insert the same recording with the empty hand where the last path passed this pose."""
+        # The friction of the joints is then the same with and without the object.
         # Replay the last path to find the latest pass of this pose with an empty hand.
         count, before = self._began
         passed: tuple[int, SymbolicState] | None = None

@@ -304,11 +304,9 @@ def solids(scene: Scene) -> Solids:
 
 
 def _solid_arm(arm: RobotDescription) -> mujoco.MjSpec:
-    """Arm for collision queries.
-
-    The base is solid here; in a simulation it collides with nothing. The description's boxes of the
-    fingers are added, since the MJCF may model only the pads.
-    """
+    """Arm for collision queries."""
+    # The base is solid here; in a simulation it collides with nothing. The description's boxes of
+    # the fingers are added, since the MJCF may model only the pads.
     spec = arm.spec()
     base = spec.body(arm.base)
     if not any(geom.contype for geom in base.geoms):
