@@ -130,13 +130,13 @@ def test_a_grasp_as_rehearsed_goes_on(weight: float) -> None:
 def test_an_unknown_weight_contradicts_nothing() -> None:
     bodies = {**SCENE.bodies, "can": replace(SCENE.body("can"), known={})}
     state = replace(HELD, scene=replace(SCENE, bodies=bodies))
-    load = FingerLoad(np.zeros(6)).hung(np.array([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]), TCP)
+    load = FingerLoad(np.zeros(6)).set_hanging_load(np.array([0.0, 0.0, 20.0, 0.0, 0.0, 0.0]), TCP)
     assert GRASPED.settled("tree", board(state, 0.06, load)) is state
 
 
 def test_an_error_of_the_measured_weight_contradicts_nothing() -> None:
     wrench = np.array([0.0, 0.0, 16.0, 0.0, 0.0, 0.0])
-    load = FingerLoad(np.zeros(6)).hung(wrench, TCP, error=5.0)
+    load = FingerLoad(np.zeros(6)).set_hanging_load(wrench, TCP, error=5.0)
     assert GRASPED.settled("tree", board(HELD, 0.06, load)) is HELD
 
 

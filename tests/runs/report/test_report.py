@@ -195,7 +195,7 @@ def test_hostile_names_are_text(data: ReportData, tmp_path: Path) -> None:
         data.run,
         settings=Settings(request=HOSTILE),
         plan=plan,
-        findings=(Finding.of(HOSTILE, "syntax", HOSTILE),),
+        findings=(Finding(HOSTILE, "syntax", HOSTILE),),
         world=HOSTILE,
         execution=Ending("stopped", HOSTILE, 1, 1.0, 1.0),
         recorded=trace,
