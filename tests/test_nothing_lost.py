@@ -3,6 +3,7 @@ falls short of."""
 
 from __future__ import annotations
 
+import errno
 import json
 import resource
 import subprocess
@@ -19,7 +20,8 @@ from failing import Failing
 from standin import StandIn
 
 import palpate as pp
-from palpate.runs import building
+from palpate.cli.show_run import show_result
+from palpate.runs import building, keeper
 from palpate.runs.api import Plan
 from palpate.runs.stored import finish
 from palpate.trace.mcap import read_mcap
@@ -242,3 +244,49 @@ def test_every_estimate_is_on_disk_when_it_is_made(
     again = finish(tmp_path / "run")
     assert (again.status, again.interrupted) == ("complete", None)
     assert again["mug.mass"].values == run["mug.mass"].values
+
+
+def test_a_file_that_cannot_be_written_is_named_as_lost(
+    plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The exit status says that the values are in no file, although all of them were measured."""
+
+    def full(*_: object) -> None:
+        raise OSError(errno.ENOSPC, "No space left on device")
+
+    monkeypatch.setattr(keeper, "write_trace", full)
+    run = plan.run(Bench(), out=tmp_path / "run")
+    assert run.status == "complete"
+    assert run.lost == ("trace.mcap",)
+    assert "trace.mcap was not written: No space left on device" in run.shortfalls
+    assert show_result(run, as_json=True) == 4
+
+
+def test_a_damaged_trace_is_named_and_what_was_made_from_it_is_kept(
+    plan: Plan, tmp_path: Path
+) -> None:
+    folder = tmp_path / "run"
+    plan.run(Bench(), out=folder)
+    files = {name: (folder / name).read_bytes() for name in ("result.json", "report.html")}
+    trace = folder / "trace.mcap"
+    trace.write_bytes(trace.read_bytes()[:3000])
+    run = finish(folder)
+    assert run.lost == ("trace.mcap",)
+    assert any("trace.mcap is damaged" in line for line in run.shortfalls)
+    assert show_result(run, as_json=False) == 4
+    assert files == {name: (folder / name).read_bytes() for name in files}
+
+
+@pytest.mark.parametrize("kept", [0, 300])
+def test_a_damaged_result_is_made_again_from_request_plan_and_trace(
+    plan: Plan, tmp_path: Path, kept: int
+) -> None:
+    folder = tmp_path / "run"
+    before = plan.run(Bench(), out=folder)["mug.mass"].value
+    (folder / "result.json").write_bytes((folder / "result.json").read_bytes()[:kept])
+    with pytest.raises(pp.InputError, match=r"result\.json' is not JSON"):
+        pp.open(folder)
+    run = finish(folder)
+    assert run.status == result(folder)["status"] == "complete"
+    assert run["mug.mass"].value == pytest.approx(before, rel=1e-9)
+    assert pp.open(folder)["mug.mass"].value == pytest.approx(before, rel=1e-9)

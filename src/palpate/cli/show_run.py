@@ -176,6 +176,9 @@ def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
         # The table above already contains the reason.
         why = f": {run.execution.stopped_by}" if as_json else ""
         say(f"stopped{why}{kept}")
+    if run.lost:
+        say(f"missing or damaged in '{run.folder}': {', '.join(run.lost)}; keep the values above")
+        return EXIT["aborted"]
     return EXIT[run.status]
 
 

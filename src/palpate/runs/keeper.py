@@ -38,6 +38,7 @@ class Keeper:
         self.folder = folder
         self._signals = signals
         self._shortfalls: list[str] = []
+        self._lost: dict[str, None] = {}
         self._stream: TraceStream | None = None
         self._due = 0.0
         self._ended: set[str] = set()
@@ -108,7 +109,7 @@ class Keeper:
         """
         # Write undisturbed by signals, so that the folder always has a complete file.
         with self._signals.defer():
-            run = self._with_shortfalls(run)
+            run = self.with_shortfalls(run)
             if run.begun is not None:
                 run = replace(run, total_seconds=time.perf_counter() - run.begun)
             began = time.perf_counter()
@@ -117,7 +118,7 @@ class Keeper:
                 self.try_writing("result.json", lambda at: write_json(at / "result.json", content))
                 ended = time.perf_counter()
                 self._due = ended + (ended - began) / WRITING
-            return self._with_shortfalls(run)
+            return self.with_shortfalls(run)
 
     def follow(self, failure: str, step: Callable[[], object]) -> None:
         """Carry out a step of work during the execution.
@@ -161,8 +162,17 @@ class Keeper:
             return
         try:
             write(self.folder)
+            self._lost.pop(name, None)
         except Exception as error:
             self.note_shortfall(f"{name} was not written", error)
+            # A full disk and a removed folder are no fault of the run, which has no file then.
+            if isinstance(error, OSError):
+                self._lost[name] = None
+
+    def note_damage(self, name: str, error: Exception) -> None:
+        """Note a file of the folder that is damaged."""
+        self.note_shortfall(f"{name} is damaged, and nothing can be made from it", error)
+        self._lost[name] = None
 
     def note_shortfall(self, what: str, error: Exception) -> None:
         """Note a failure and its reason, once."""
@@ -170,11 +180,12 @@ class Keeper:
         if line not in self._shortfalls:
             self._shortfalls.append(line)
 
-    def _with_shortfalls(self, run: Run) -> Run:
+    def with_shortfalls(self, run: Run) -> Run:
+        """Add the shortfalls, and the files that were lost, to the run."""
         # Unmeasured and unwritten values first, then failures; each line once.
         of_values = [*map(str, run.plan.unmeasured), *run.unwritten]
         lines = dict.fromkeys([*run.shortfalls, *of_values, *self._shortfalls])
-        return replace(run, shortfalls=tuple(lines))
+        return replace(run, shortfalls=tuple(lines), lost=tuple(self._lost))
 
     def _close_stream(self) -> None:
         stream, self._stream = self._stream, None

@@ -15,6 +15,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from palpate.common.errors import InputError
 from palpate.common.processes import before_anything_moves, interrupts
 from palpate.execution.cell import Cell
 from palpate.runs import workplace
@@ -25,7 +26,7 @@ from palpate.runs.executing import execute
 from palpate.runs.folder import check_writable
 from palpate.runs.keeper import GROWING, Keeper, Step
 from palpate.runs.planning import confirm, load, plan, preflight, rehearse
-from palpate.runs.run import Run, Stage
+from palpate.runs.run import TRACE, Run, Stage
 from palpate.runs.saving import (
     film_while_moving,
     folder_for,
@@ -151,6 +152,12 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
         if made.stage == "executing":
             keeper.trace(made)
             made = replace(made, stage="estimating")
+        # Nothing can be made again without the trace: keep the stored values and the report.
+        try:
+            _ = made.trace_if_any
+        except InputError as error:
+            keeper.note_damage(TRACE, error)
+            return keeper.with_shortfalls(made)
         if film:
             made = with_footage(made)
         return _Steps(keeper, callbacks.unfailing()).carry_out_all(made)

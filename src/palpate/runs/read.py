@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import math
 from collections.abc import Generator, Mapping, Sequence
 from contextlib import contextmanager
@@ -27,7 +28,7 @@ from palpate.robots.owner import load_description
 from palpate.runs.folder import read_json
 from palpate.runs.held_out import HeldOut
 from palpate.runs.reproduce import with_seen_poses
-from palpate.runs.run import Ending, Run
+from palpate.runs.run import TRACE, Ending, Run
 from palpate.scene.detections import SceneObject
 from palpate.scene.load import parse_scene, scene_from_text
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
@@ -42,6 +43,8 @@ if TYPE_CHECKING:
     from palpate.runs.settings import Settings
 
 
+log = logging.getLogger(__name__)
+
 NOTHING = "<mujoco><worldbody/></mujoco>"  # Scene of a run without a scene file
 
 
@@ -51,17 +54,37 @@ def _adapter(kind: Any) -> TypeAdapter[Any]:
     return TypeAdapter(kind)
 
 
-def read_run(folder: Path, settings: Settings) -> Run:
+UNFINISHED: dict[str, Any] = {
+    "status": "running",
+    "stage": "executing",
+    "parameters": (),
+    "plan": {"findings": ()},
+    "rehearsal": None,
+    "execution": None,
+    "twin": None,
+    "provenance": {"world": None},
+}
+"""Result of a run whose `result.json` is damaged: request, plan and trace are left."""
+
+
+def read_run(folder: Path, settings: Settings, made_again: bool = False) -> Run:
     """Read the run in `folder`, made with `settings`. Its trace is read at first use.
 
     A folder keeps neither the symbolic state nor the camera's footage. The scene is empty if its
-    file was removed.
+    file was removed. With `made_again`, the run of a damaged `result.json` begins after its
+    execution.
 
     Raises:
         InputError: a file is missing or is not of a run.
     """
     # A wrong type or a missing key anywhere means that it is not a run.
-    result = read_json(folder / "result.json")
+    try:
+        result = read_json(folder / "result.json")
+    except InputError:
+        if not made_again or not (folder / TRACE).exists():
+            raise
+        log.warning("result.json is damaged, and is made again from the request, plan and trace")
+        result = UNFINISHED
     settings = with_seen_poses(settings, folder)
     try:
         return _run(folder, settings, result)

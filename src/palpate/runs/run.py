@@ -92,6 +92,7 @@ class Run(Estimates):
         stage: present stage, or the one at which the run was cut off; None when all is done.
         interrupted: description of a signal that ended the run.
         shortfalls: failures and their reasons, a line each.
+        lost: names of files that could not be written into the folder, or are damaged there.
         begun: `time.perf_counter()` at the start of the command.
         total_seconds: wall time since then, s; None if unknown.
     """
@@ -125,6 +126,7 @@ class Run(Estimates):
     stage: Stage | None = None
     interrupted: str | None = None
     shortfalls: tuple[str, ...] = ()
+    lost: tuple[str, ...] = ()
     begun: float | None = None
     total_seconds: float | None = None
 

@@ -121,12 +121,14 @@ def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
     return write_report(made, folder)
 
 
-def reopen(folder: Path) -> Run:
-    """Read the run that `save` wrote into `folder`. Its trace is read on first access."""
+def reopen(folder: Path, made_again: bool = False) -> Run:
+    """Read the run that `save` wrote into `folder`. Its trace is read on first access.
+
+    With `made_again`, a damaged `result.json` counts as that of a run that ended while executing."""
     from palpate.runs.read import read_run
 
     settings = settings_from(read_json(folder / "request.json"))
-    return read_run(folder, settings)
+    return read_run(folder, settings, made_again)
 
 
 def with_footage(made: Run) -> Run:
@@ -144,7 +146,7 @@ def taken_up(folder: Path) -> Run:
 
     The result is not `fast`, and has no interruption and no shortfalls.
     """
-    made = reopen(folder)
+    made = reopen(folder, made_again=True)
     hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
     made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
     # A `fast` run has skipped the validation of its twin, the pictures and the film.
