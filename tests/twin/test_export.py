@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 from xml.etree import ElementTree
@@ -19,6 +20,7 @@ from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
 from palpate.twin import export_urdf as urdf
 from palpate.twin.export import Export, export_twin, require_format
+from palpate.twin.export_readers import read_spec
 from palpate.twin.twin import Twin, build_twin
 
 NOTHING = Trace(Samples.empty(), (), (), (), NominalHand(0.009, 0.15, 0.01, 1e-4))
@@ -83,8 +85,8 @@ def test_urdf_has_masses_shapes_and_joints(kitchen: Twin, tmp_path: Path) -> Non
     made = export(kitchen, "urdf", tmp_path)
     assert made.file.name == "scene.urdf"
     assert (made.held, made.lost) == ((MASS,), (FRICTION, STIFFNESS))
-    spec = mujoco.MjSpec.from_file(str(made.file))
-    spec.compiler.fusestatic, spec.compiler.discardvisual = False, True
+    placement = json.loads((made.file.parent / "placement.json").read_text())
+    spec = read_spec(mujoco, str(made.file), placement)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
     model = spec.compile()
     twin = kitchen.mjmodel
@@ -95,12 +97,13 @@ def test_urdf_has_masses_shapes_and_joints(kitchen: Twin, tmp_path: Path) -> Non
         apart = mujoco.MjData(twin), mujoco.MjData(model)
         for one, data in zip((twin, model), apart, strict=True):
             mujoco.mj_forward(one, data)
-        assert apart[1].body(name).xpos == pytest.approx(apart[0].body(name).xpos, abs=1e-7)
+        assert apart[1].body(name).xipos == pytest.approx(apart[0].body(name).xipos, abs=1e-7)
     assert model.body("mug").mass == pytest.approx(0.2541, rel=1e-4)
     tree = ElementTree.parse(made.file)
     kinds = {joint.get("name"): joint.get("type") for joint in tree.iter("joint")}
     assert kinds["hinge"] == "revolute"
-    assert "floating" in kinds.values()
+    assert "floating" not in kinds.values()
+    assert set(placement) == {"mug"}
     assert "prismatic" in kinds.values()
     limit = next(j for j in tree.iter("joint") if j.get("name") == "hinge").find("limit")
     assert limit is not None
@@ -233,5 +236,6 @@ def test_meshes_from_anywhere_are_exported(scattered: Twin, tmp_path: Path, to: 
     assert MASS in made.held
     shutil.rmtree(tmp_path / "scattered")
     if to == "urdf":
-        model = mujoco.MjModel.from_xml_path(str(made.file))
+        placement = json.loads((made.file.parent / "placement.json").read_text())
+        model = read_spec(mujoco, str(made.file), placement).compile()
         assert model.nmesh == 3

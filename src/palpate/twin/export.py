@@ -34,7 +34,7 @@ from palpate.twin.export_facts import (
     round_box,
     tensor,
 )
-from palpate.twin.export_urdf import read_urdf, write_urdf
+from palpate.twin.export_urdf import link_facts, read_urdf, write_urdf
 from palpate.twin.files import pack
 from palpate.twin.randomisation import write_randomisation
 from palpate.twin.twin import Twin, held_by_twin
@@ -60,16 +60,118 @@ def _module(name: str) -> Any:
     return importlib.import_module(name)
 
 
-def write_usd(spec: mujoco.MjSpec, mjcf: Path, folder: Path) -> Path:
-    """Convert a model into one `.usdc`. It is first written as `mjcf`, in the folder of its
-    files."""
+def write_usd(
+    spec: mujoco.MjSpec, mjcf: Path, folder: Path, static: Mapping[str, float]
+) -> Path:
+    """Convert a model into one `.usdc`. It is first written as `mjcf`, in the folder of its files.
+
+    `static` is the measured static friction by body.
+    """
     mjcf.write_text(spec.to_xml(), encoding="utf-8")
     diagnostics = _module("usdex.core")
     diagnostics.activateDiagnosticsDelegate()
     diagnostics.setDiagnosticsLevel(diagnostics.DiagnosticsLevel.eError)
     converter = _module("mujoco_usd_converter").Converter(layer_structure=False)
     written = converter.convert(str(mjcf), str(folder.resolve()))
-    return folder / Path(str(written.path)).name
+    file = folder / Path(str(written.path)).name
+    state_physics(file, spec.compile(), static)
+    return file
+
+
+def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]) -> None:
+    """State in a stage what the converter leaves to the defaults of each reader.
+
+    Args:
+        file: converted stage, which is changed.
+        model: from which it was converted.
+        static: measured static friction by body.
+    """
+    physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
+    stage = _module("pxr.Usd").Stage.Open(str(file))
+    prims = list(stage.Traverse())
+    state_options(stage, model)
+    # MuJoCo reads the binding for all purposes; renderers prefer those of their own purposes.
+    for prim in prims:
+        if prim.HasAPI(physics.CollisionAPI):
+            binding = shade.MaterialBindingAPI(prim)
+            material, _ = binding.ComputeBoundMaterial("physics")
+            shown = binding.GetDirectBinding().GetMaterial()
+            if not material:
+                continue
+            if shown and shown.GetPath() != material.GetPath():
+                for purpose in ("full", "preview"):
+                    binding.Bind(shown, materialPurpose=purpose)
+            binding.Bind(material)
+            # Static friction: measured, else that of sliding. The schema's default is 0.
+            friction = physics.MaterialAPI(material)
+            sliding = float(friction.GetDynamicFrictionAttr().Get())
+            stated = float(friction.GetStaticFrictionAttr().Get() or 0.0)
+            held = max(static.get(owner_name(prim), 0.0), sliding, stated)
+            friction.CreateStaticFrictionAttr(held)
+        elif prim.IsA(physics.RevoluteJoint) or prim.IsA(physics.PrismaticJoint):
+            state_joint(prim, model)
+    stage.GetRootLayer().Save()
+
+
+def state_options(stage: Any, model: mujoco.MjModel) -> None:
+    """State gravity, time step and every flag: the defaults of the schemas differ by version."""
+    physics, types = _module("pxr.UsdPhysics"), _module("pxr.Sdf").ValueTypeNames
+    scenes = [prim for prim in stage.Traverse() if prim.IsA(physics.Scene)]
+    root = stage.GetDefaultPrim().GetPath()
+    scene = scenes[0] if scenes else physics.Scene.Define(stage, root.AppendChild(SCENE_PRIM))
+    scene = physics.Scene(scene)
+    size = float(np.linalg.norm(model.opt.gravity))
+    scene.CreateGravityMagnitudeAttr(size)
+    if size > 0.0:
+        scene.CreateGravityDirectionAttr(tuple((model.opt.gravity / size).tolist()))
+    prim = scene.GetPrim()
+    prim.AddAppliedSchema("MjcSceneAPI")
+    step = prim.CreateAttribute("mjc:option:timestep", types.Double, False)
+    step.Set(float(model.opt.timestep))
+    # Names of flags follow those of MuJoCo's bits: mjDSBL_MULTICCD disables `mjc:flag:multiccd`.
+    for bits, kind, on in (
+        (model.opt.disableflags, mujoco.mjtDisableBit, False),
+        (model.opt.enableflags, mujoco.mjtEnableBit, True),
+    ):
+        for name, bit in kind.__members__.items():
+            if not name.startswith("mjN"):
+                flag = f"mjc:flag:{name.partition('_')[2].lower()}"
+                flagged = bool(int(bits) & int(bit))
+                prim.CreateAttribute(flag, types.Bool, False).Set(flagged is on)
+
+
+def state_joint(prim: Any, model: mujoco.MjModel) -> None:
+    """State passive forces of a joint for Newton and PhysX; the converter does so for MuJoCo.
+
+    Sources: `NewtonJointAPI` of newton-usd-schemas 0.6, `PhysxJointAxisAPI` of PhysX 5.6, and
+    `PhysicsDriveAPI`. They state the damping and stiffness of a hinge per degree.
+    """
+    types = _module("pxr.Sdf").ValueTypeNames
+    joint = int(model.joint(name_of(prim)).id)
+    dof = int(model.jnt_dofadr[joint])
+    is_hinge = model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE)
+    axis, degree = ("angular", np.pi / 180.0) if is_hinge else ("linear", 1.0)
+    damping = float(model.dof_damping[dof]) * degree
+    friction, armature = float(model.dof_frictionloss[dof]), float(model.dof_armature[dof])
+    prim.AddAppliedSchema("NewtonJointAPI")
+    prim.AddAppliedSchema(f"PhysxJointAxisAPI:{axis}")
+    stated = {
+        "newton:armature": armature,
+        "newton:damping": damping,
+        "newton:friction": friction,
+        f"physxJointAxis:{axis}:armature": armature,
+        f"physxJointAxis:{axis}:staticFrictionEffort": friction,
+        f"physxJointAxis:{axis}:dynamicFrictionEffort": friction,
+        f"physxJointAxis:{axis}:viscousFrictionCoefficient": damping,
+    }
+    for name, value in stated.items():
+        prim.CreateAttribute(name, types.Float, False).Set(value)
+    # A spring is a drive towards its rest.
+    if model.jnt_stiffness[joint]:
+        drive = _module("pxr.UsdPhysics").DriveAPI.Apply(prim, axis)
+        at = model.jnt_qposadr[joint]
+        drive.CreateStiffnessAttr(float(model.jnt_stiffness[joint]) * degree)
+        drive.CreateTargetPositionAttr(float(model.qpos_spring[at] - model.qpos0[at]) / degree)
 
 
 def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
@@ -102,10 +204,7 @@ def read_usd(path: Path) -> dict[str, Facts]:
             bodies[name_of(prim)] = prim
             shapes[name_of(prim)], frictions[name_of(prim)] = [], []
         elif prim.IsA(geometry.Gprim) and not is_guide(prim):
-            owner = prim.GetParent()
-            while owner and not (owner.IsPseudoRoot() or owner.HasAPI(physics.RigidBodyAPI)):
-                owner = owner.GetParent()
-            name = name_of(owner) if owner and not owner.IsPseudoRoot() else WORLD
+            name = owner_name(prim)
             shapes[name].append(box_of(prim, frame_of(prim)))
             friction = friction_of(prim)
             if friction is not None:
@@ -128,8 +227,19 @@ def read_usd(path: Path) -> dict[str, Facts]:
 
 
 def is_guide(prim: Any) -> bool:
-    """True for a site, which only editors show."""
-    return str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get()) == "guide"
+    """True for a site. A collider of a hidden group is a guide as well."""
+    purpose = str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get())
+    return purpose == "guide" and not prim.HasAPI(_module("pxr.UsdPhysics").CollisionAPI)
+
+
+def owner_name(prim: Any) -> str:
+    """Name of the nearest rigid body above a shape, or of the world."""
+    owner = prim.GetParent()
+    while owner and not owner.IsPseudoRoot():
+        if owner.HasAPI(_module("pxr.UsdPhysics").RigidBodyAPI):
+            return name_of(owner)
+        owner = owner.GetParent()
+    return WORLD
 
 
 def name_of(prim: Any) -> str:
@@ -175,6 +285,8 @@ def friction_of(prim: Any) -> float | None:
     value = physics.MaterialAPI(material).GetDynamicFrictionAttr().Get() if material else None
     return None if value is None else float(value)
 
+
+SCENE_PRIM = "PhysicsScene"
 
 # Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read
 # back and compared, body by body. Ranges for domain randomisation are a further format.
@@ -255,7 +367,7 @@ def export_twin(
             for body in range(model.nbody):
                 facts.pop(fallback_name(body), None)
         require_same(facts, facts_of(packed))
-        file, notes = WRITERS[chosen](scene, folder)
+        file, notes = WRITERS[chosen](scene, folder, static_frictions(estimates))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
         raise PalpateError(f"the twin cannot be exported as {chosen}: {reason}") from error
@@ -270,6 +382,15 @@ def export_twin(
     return Export(chosen, file, tuple(held), tuple(lost), tuple(notes))
 
 
+def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:
+    """Measured static friction by object."""
+    found: dict[str, float] = {}
+    for estimate in estimates:
+        if estimate.parameter.quantity == "friction" and "static" in estimate.parts:
+            found[estimate.parameter.object] = float(estimate.parts["static"].value)
+    return found
+
+
 def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
     """True if a format can state a parameter."""
     if chosen == "mjcf":
@@ -279,31 +400,31 @@ def can_state(chosen: Format, description: Description, parameter: Parameter) ->
     return parameter.object in description.bodies and parameter.quantity not in ONLY_NUMBERS
 
 
-def _mjcf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+def _mjcf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
     for path in scene.parent.iterdir():
         path.rename(folder / path.name)
     return folder / scene.name, []
 
 
-def _urdf(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+def _urdf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
     spec, notes = ready(scene)
     model = spec.compile()
     file = folder / "scene.urdf"
     written = write_urdf(model, file)
-    require_same(facts_of(model, colliding=True), read_urdf(file, written), friction=False)
+    require_same(link_facts(model), read_urdf(file, written), friction=False)
     return file, [NO_FRICTION, *notes, *written.notes]
 
 
-def _usd(scene: Path, folder: Path) -> tuple[Path, list[str]]:
+def _usd(scene: Path, folder: Path, static: Mapping[str, float]) -> tuple[Path, list[str]]:
     spec, notes = ready(scene)
     spec.modelname = scene.stem
     twin = facts_of(spec.compile())
-    file = write_usd(spec, scene.with_name("ready.xml"), folder)
+    file = write_usd(spec, scene.with_name("ready.xml"), folder, static)
     require_same(twin, read_usd(file))
     return file, [COMBINED, *notes, *left_behind(spec)]
 
 
-WRITERS: Mapping[Format, Callable[[Path, Path], tuple[Path, list[str]]]] = {
+WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path, list[str]]]] = {
     "mjcf": _mjcf,
     "urdf": _urdf,
     "usd": _usd,

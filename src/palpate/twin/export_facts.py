@@ -89,6 +89,12 @@ def collides(model: mujoco.MjModel, geom: int) -> bool:
     return bool(model.geom_contype[geom] or model.geom_conaffinity[geom])
 
 
+def is_free(model: mujoco.MjModel, body: int) -> bool:
+    """True if a body has a free joint."""
+    joint = int(model.body_jntadr[body])
+    return joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE)
+
+
 def homogeneous(rotation: Array, position: Array) -> Array:
     """Homogeneous transformation (4, 4) of a rotation matrix, (9,) or (3, 3), and a position
     (3,)."""

@@ -1,14 +1,18 @@
 """URDF of a compiled model: links, joints and their shapes.
 
 Existing converters leave out primitives and collisions, and give every joint a mass. URDF has
-neither friction nor contact parameters, and no planes, capsules or ball joints.
+neither friction nor contact parameters, and no planes, capsules or ball joints. Each free body has
+a file of its own, with its pose in `placement.json`.
 """
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+import json
+import re
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -24,11 +28,17 @@ from palpate.twin.export_facts import (
     collides,
     facts_of,
     geoms_of,
+    homogeneous,
+    is_free,
     tensor,
     write_stl,
 )
+from palpate.twin.export_readers import Placement, read_spec
 
 MESHES = "meshes"
+PLACEMENT = "placement.json"
+SHARE = 1e-6
+"""Share of a body's mass and inertia in a link between two of its joints."""
 SHOWN = 2
 """Last group of geoms that is shown, as in MuJoCo's viewer."""
 NOT_SIMPLE = (
@@ -47,35 +57,80 @@ Inset = tuple[Pose, str, dict[str, str]]
 
 @dataclass(slots=True)
 class Written:
-    """Result of writing a URDF.
+    """Result of writing a model as URDF.
 
     Attributes:
         parts: by link, the count of shapes for each geom that collides.
         notes: contents that URDF cannot state.
+        placement: file and pose of each free body, by its name.
     """
 
     parts: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
     notes: list[str] = field(default_factory=list[str])
+    placement: Placement = field(default_factory=dict[str, dict[str, Any]])
 
 
 def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
-    """Write a model, and its meshes in a folder next to it. All bodies, geoms and joints must have
-    names.
+    """Write a model, with its meshes in a folder and its free bodies in files of their own.
+
+    Readers ignore the origin of a floating joint, or fix it (findings/urdf_floating_origin.sh). All
+    bodies, geoms and joints must have names.
     """
-    root = etree.Element("robot", {"name": path.stem})
     written = Written()
-    # Links first, then the joints between them, then the files of the meshes.
-    for body in range(model.nbody):
-        add_link(root, model, body, written)
-    for body in range(1, model.nbody):
-        add_joints(root, model, body, written)
+    # Group the bodies by file: each free body with all below it, and the rest.
+    free = [b for b in range(model.nbody) if is_free(model, b)]
+    of_scene = [b for b in range(model.nbody) if int(model.body_rootid[b]) not in free]
+    write_bodies(model, of_scene, path, written)
+    for root in free:
+        name = body_name(model, root)
+        safe = re.sub(r"[^\w.-]", "_", name)
+        file = path.with_name(f"{safe}.urdf")
+        while file.exists():
+            file = file.with_name(f"{file.stem}_.urdf")
+        below = [b for b in range(model.nbody) if int(model.body_rootid[b]) == root]
+        write_bodies(model, below, file, written)
+        pose = model.body_pos[root].tolist(), np.roll(model.body_quat[root], -1).tolist()
+        keys = ("file", "position", "quaternion_xyzw")
+        written.placement[name] = dict(zip(keys, (file.name, *pose), strict=True))
+    placement = json.dumps(written.placement, indent=2) + "\n"
+    path.with_name(PLACEMENT).write_text(placement, encoding="utf-8")
+    # Meshes are shared by all files.
     if model.nmesh:
         (path.parent / MESHES).mkdir()
     for mesh in range(model.nmesh):
         write_stl(path.parent / mesh_file(mesh), mesh_corners(model, mesh))
+    return written
+
+
+def write_bodies(
+    model: mujoco.MjModel, bodies: Sequence[int], path: Path, written: Written
+) -> None:
+    """Write one file of bodies, of which the first is the root: links, then the joints."""
+    root = etree.Element("robot", {"name": path.stem})
+    for body in bodies:
+        add_link(root, model, body, written)
+    for body in bodies[1:]:
+        add_joints(root, model, body, written)
     etree.indent(root)
     path.write_bytes(etree.tostring(root, encoding="utf-8", xml_declaration=True))
-    return written
+
+
+def link_offset(model: mujoco.MjModel, body: int) -> Pose:
+    """Frame of a link in its body's frame: a link is at its last joint."""
+    if not model.body_jntnum[body] or is_free(model, body):
+        return Pose.of([0.0, 0.0, 0.0])
+    return Pose.of(model.jnt_pos[model.body_jntadr[body] + model.body_jntnum[body] - 1])
+
+
+def link_facts(model: mujoco.MjModel) -> dict[str, Facts]:
+    """Facts of a model as its links have them."""
+    found = facts_of(model, colliding=True)
+    for body in range(model.nbody):
+        name, offset = body_name(model, body), link_offset(model, body)
+        facts = found[name]
+        pose = facts.pose @ homogeneous(offset.rotation, offset.position)
+        found[name] = replace(facts, pose=pose, com=facts.com - offset.position)
+    return found
 
 
 def urdf_to_look_at(model: mujoco.MjModel) -> str:
@@ -96,20 +151,22 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
                 pose = Pose.of(model.geom_pos[geom], model.geom_quat[geom]) @ Pose.of(centre)
                 insets = [(pose, "box", {"size": _numbers(2 * half)})]
             add_visuals(link, model, geom, insets)
+    # Viewers take the poses of moving links from elsewhere: a floating joint allows them all.
     for body in range(1, model.nbody):
-        add_joints(root, model, body, Written())
+        kind = "floating" if model.body_jntnum[body] else "fixed"
+        names = body_name(model, int(model.body_parentid[body])), body_name(model, body)
+        way = Pose.of(model.body_pos[body], model.body_quat[body])
+        add_joint(root, f"{names[1]}_mount", kind, names, way)
     return etree.tostring(root, encoding="unicode")
 
 
 def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
-    """Read the file back by MuJoCo, and join the parts of each geom again.
+    """Read the files back by MuJoCo, and join the parts of each geom again.
 
     Raises:
-        ValueError: MuJoCo does not accept it.
+        ValueError: MuJoCo does not accept one.
     """
-    spec = mujoco.MjSpec.from_file(str(path))
-    spec.compiler.fusestatic = False
-    spec.compiler.discardvisual = True
+    spec = read_spec(mujoco, str(path), written.placement)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12  # links between two joints
     found = facts_of(spec.compile())
     # Several shapes of one geom become the box around all of them.
@@ -128,20 +185,21 @@ def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
 def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     name = body_name(model, body)
     link = etree.SubElement(root, "link", {"name": name})
-    # Inertia of the link: principal axes rotated into its frame.
-    if model.body_mass[body] > 0.0:
-        inertial = etree.SubElement(link, "inertial")
-        add_origin(inertial, Pose.of(model.body_ipos[body]))
-        etree.SubElement(inertial, "mass", {"value": _number(model.body_mass[body])})
-        # Six entries of the symmetric tensor, in the link's axes.
-        inertia = tensor(model.body_inertia[body], model.body_iquat[body])
-        entries: dict[str, str] = {}
-        for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
-            entries[f"i{'xyz'[i]}{'xyz'[j]}"] = _number(inertia[i, j])
-        etree.SubElement(inertial, "inertia", entries)
+    to_link = link_offset(model, body).inverse()
+    # Inertia of the link: principal axes rotated into its frame. It is stated also where it is zero:
+    # readers compute the mass of a link without it from the shapes.
+    inertia = tensor(model.body_inertia[body], model.body_iquat[body])
+    com = to_link @ Pose.of(model.body_ipos[body])
+    mass = float(model.body_mass[body])
+    if not mass and model.body_jntnum[body]:
+        # A moving link needs a mass: a share of what it carries, within a centimetre.
+        mass = SHARE * float(model.body_subtreemass[body])
+        inertia = mass * 1e-4 * np.eye(3)
+        written.notes.append(f"the link '{name}' has no mass of its own: {1e6 * mass:.3g} mg")
+    add_inertial(link, com, mass, inertia)
     for geom in geoms_of(model, body):
         # Visible and colliding shapes are separate elements.
-        insets = list(insets_of(model, geom))
+        insets = [(to_link @ at, kind, size) for at, kind, size in insets_of(model, geom)]
         if model.geom_group[geom] <= SHOWN:
             add_visuals(link, model, geom, insets)
         if collides(model, geom):
@@ -197,45 +255,69 @@ def add_shape(link: Element, tag: str, inset: Inset) -> Element:
     return shape
 
 
+def add_inertial(link: Element, com: Pose, mass: float, inertia: Array) -> None:
+    """Add mass, kg, and inertia (3, 3), kg m^2, about `com` in the link's axes."""
+    inertial = etree.SubElement(link, "inertial")
+    add_origin(inertial, com)
+    etree.SubElement(inertial, "mass", {"value": _number(mass)})
+    # Six entries of the symmetric tensor.
+    entries: dict[str, str] = {}
+    for i, j in ((0, 0), (0, 1), (0, 2), (1, 1), (1, 2), (2, 2)):
+        entries[f"i{'xyz'[i]}{'xyz'[j]}"] = _number(inertia[i, j])
+    etree.SubElement(inertial, "inertia", entries)
+
+
 def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
     """Add the joints from a body's parent to it.
 
-    A link's frame is its joint's. If a joint is away from the body's origin, or is one of several,
-    a link is inserted.
+    A link's frame is its joint's. A body with several joints gets a link before each but the last.
     """
-    name, parent = body_name(model, body), body_name(model, int(model.body_parentid[body]))
-    # Chain the joints: each link's frame is at its joint.
-    way = Pose.of(model.body_pos[body], model.body_quat[body])
+    name, above = body_name(model, body), int(model.body_parentid[body])
+    parent = body_name(model, above)
+    # From the parent's link to the body's frame.
+    way = link_offset(model, above).inverse()
+    way = way @ Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
+    if not count:
+        add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
     for joint in range(first, first + count):
         kind, attributes = joint_type(model, joint, written)
-        at = Pose.of(model.jnt_pos[joint])
-        is_last = joint == first + count - 1 and not model.jnt_pos[joint].any()
-        joint_name = model.joint(joint).name or f"joint_{joint}"
-        child = name if is_last else f"{joint_name}_link"
-        if not is_last:
-            etree.SubElement(root, "link", {"name": child})
+        at, joint_name = Pose.of(model.jnt_pos[joint]), model.joint(joint).name
+        child = name
+        if joint < first + count - 1:
+            # A share of the body's mass: readers refuse a massless link, or give it 1 kg.
+            child, mass = f"{joint_name}_link", SHARE * float(model.body_mass[body])
+            link = etree.SubElement(root, "link", {"name": child})
+            inertia = SHARE * float(model.body_inertia[body].min()) * np.eye(3)
+            add_inertial(link, Pose.of([0.0, 0.0, 0.0]), mass, inertia)
+            written.notes.append(f"'{child}', between two joints, weighs {1e6 * mass:.3g} mg")
         element = add_joint(root, joint_name, kind, (parent, child), way @ at)
         for tag, values in attributes.items():
             etree.SubElement(element, tag, values)
         parent, way = child, at.inverse()
-    # A body without a joint at its origin is fixed to the last link.
-    if parent != name:
-        add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
+    if link_offset(model, body).position.any():
+        written.notes.append(f"the frame of the link '{name}' is at its joint")
 
 
 def joint_type(
     model: mujoco.MjModel, joint: int, written: Written
 ) -> tuple[str, dict[str, dict[str, str]]]:
     """Type, axis and limits of a joint. URDF's zero is MuJoCo's initial configuration."""
-    # Free joints float; URDF has no ball joints.
-    kind = mujoco.mjtJoint(model.jnt_type[joint])
-    if kind == mujoco.mjtJoint.mjJNT_FREE:
-        return "floating", {}
+    # URDF has no ball joints.
+    name, kind = model.joint(joint).name, mujoco.mjtJoint(model.jnt_type[joint])
     if kind == mujoco.mjtJoint.mjJNT_BALL:
-        written.notes.append(f"the ball joint '{model.joint(joint).name}' is fixed")
+        written.notes.append(f"the ball joint '{name}' is fixed")
         return "fixed", {}
+    # Passive forces: URDF has damping and friction.
+    dof = int(model.jnt_dofadr[joint])
+    dynamics = {"damping": model.dof_damping[dof], "friction": model.dof_frictionloss[dof]}
+    absent = {"stiffness": model.jnt_stiffness[joint], "armature": model.dof_armature[dof]}
+    left = " and ".join(what for what, value in absent.items() if value)
+    if left:
+        written.notes.append(f"the {left} of the joint '{name}' is left out")
     axis = {"axis": {"xyz": _numbers(model.jnt_axis[joint])}}
+    if any(dynamics.values()):
+        axis["dynamics"] = {what: _number(value) for what, value in dynamics.items()}
     hinge, limited = kind == mujoco.mjtJoint.mjJNT_HINGE, bool(model.jnt_limited[joint])
     if hinge and not limited:
         return "continuous", axis
