@@ -18,6 +18,7 @@ class FatalError(Exception): ...
 # Enumerations: no `enum.Enum`, but equal to and hashed like their integers
 
 class _Enum:
+    __members__: ClassVar[Mapping[str, _Enum]]
     def __init__(self, value: _Int) -> None: ...
     @property
     def name(self) -> str: ...
@@ -272,6 +273,9 @@ class MjModel:
     jnt_dofadr: _Ints
     jnt_axis: _Doubles
     jnt_range: _Doubles
+    jnt_stiffness: _Doubles
+    actuator_trnid: _Ints
+    actuator_trntype: _Ints
     jnt_limited: _Ints
     jnt_pos: _Doubles
     dof_armature: _Doubles

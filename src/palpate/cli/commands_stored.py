@@ -217,6 +217,10 @@ def export(
         Path | None,
         typer.Option("--out", metavar="DIR", help="Folder to make (default: RUN/export-FORMAT)."),
     ] = None,
+    check: Annotated[
+        bool,
+        typer.Option("--check", help="Compare by experiments in every installed simulator."),
+    ] = False,
     as_json: AsJson = False,
 ) -> None:
     """Export a run's twin to another simulator; read it back and compare."""
@@ -224,7 +228,7 @@ def export(
     from palpate.cli.show_stored import show_export
 
     run = pp.open(folder)
-    show_export(run, run.export(to, out), as_json)
+    show_export(run, run.export(to, out, check), as_json)
 
 
 def prove(folder: RunFolder, *, as_json: AsJson = False) -> None:

@@ -225,7 +225,10 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
     rows: list[list[str]] = []
     for estimate in run.estimates:
         if estimate.parameter in export.held:
-            rows += [[*row, "[green]read back[/]"] for row in estimate_rows(estimate)]
+            readers = export.acts_in(estimate.parameter)
+            where = f" by {', '.join(readers)}" if export.findings else ""
+            state = f"[green]read back{where}[/]" if readers else "written"
+            rows += [[*row, state] for row in estimate_rows(estimate)]
         elif estimate.parameter in export.lost:
             lost = f"[yellow]not in {export.format}[/]"
             rows += [[*row, lost] for row in estimate_rows(estimate)]
@@ -233,6 +236,9 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
         print_rows([*COLUMNS, TableColumn("in the file")], rows)
     else:
         out.print("no value was measured: nothing of this run had to be written")
+    for finding in export.findings:
+        line = f"{finding.reader}: {finding.quantity} {finding.verdict} {finding.detail}".strip()
+        out.prose(f"[dim]check[/] {escape(line)}")
     for note in export.notes:
         out.prose(f"[dim]note[/] {escape(note)}")
     out.print(f"[dim]{export.format}[/] {export.file}", soft_wrap=True)

@@ -13,6 +13,7 @@ from pydantic import TypeAdapter
 from palpate.common.display import to_json
 from palpate.common.errors import InputError
 from palpate.common.version import __version__
+from palpate.estimation.estimate import Estimate
 from palpate.runs.folder import new_folder, read_json, write_json
 from palpate.runs.proof import Proof, prove
 from palpate.runs.result import parameter_json
@@ -20,13 +21,15 @@ from palpate.runs.run import Run
 from palpate.twin.export import Export, export_twin, require_format
 
 
-def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
+def export_run(run: Run, to: str, folder: Path | None = None, check: bool = False) -> Export:
     """Write the run's twin into a new folder, by default `export-FORMAT` in the run's own folder.
+
+    With `check` it is compared by experiments in every reader that is installed.
 
     Raises:
         InputError: the run has no twin, there is no such format, or the folder exists or cannot be
             made.
-        Unavailable: the library that writes the format is not installed.
+        Unavailable: the library that writes the format is not installed, or for a check no reader.
         PalpateError: the written file differs from the twin.
     """
     # Write into a scratch folder: the export appears completely or not at all.
@@ -36,7 +39,7 @@ def export_run(run: Run, to: str, folder: Path | None = None) -> Export:
     folder = folder or (run.folder or Path()) / f"export-{chosen}"
     try:
         with new_folder(folder) as made, tempfile.TemporaryDirectory() as scratch:
-            export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch))
+            export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch), check)
             export = replace(export, file=folder / export.file.relative_to(made))
             write_json(made / "export.json", export_json(run, export))
     except OSError as error:
@@ -51,12 +54,17 @@ def export_json(run: Run, export: Export) -> dict[str, Any]:
         "format": export.format,
         "file": export.file.name,
         "simulated": run.simulated,
-        "parameters": [
-            parameter_json(estimate) | {"read_back": estimate.parameter in export.held}
-            for estimate in run.estimates
-        ],
+        "parameters": [_row_of(export, estimate) for estimate in run.estimates],
+        "check": [asdict(finding) for finding in export.findings],
         "notes": list(export.notes),
     }
+
+
+def _row_of(export: Export, estimate: Estimate) -> dict[str, Any]:
+    """Estimate with the readers in which its value acts."""
+    readers = list(export.acts_in(estimate.parameter))
+    states = {"written": estimate.parameter in export.held, "read_back": bool(readers)}
+    return parameter_json(estimate) | states | {"acts_in": readers}
 
 
 # Proof of a run's twin, kept as `proof.json` in the run folder.

@@ -114,23 +114,25 @@ class Run(InnerRun):
             return run_of(reestimate(self, estimators))
 
     @known_keywords
-    def export(self, to: str, folder: str | Path | None = None) -> Export:
+    def export(self, to: str, folder: str | Path | None = None, check: bool = False) -> Export:
         """Write the twin for another simulator into a new folder, and read it back.
 
         Args:
             to: `mjcf` (with every file that it needs), `urdf`, `usd`, or `randomisation` (ranges
                 for training).
             folder: by default `export-FORMAT` in the run's own.
+            check: compare it by experiments in every simulator that is installed and reads it.
 
         Raises:
             InputError: it has no twin, there is no such format, or the folder exists or cannot be
                 made.
-            Unavailable: the library that writes the format is not installed.
+            Unavailable: the library that writes the format is not installed, or for a check no
+                simulator that reads it.
             PalpateError: the written file differs from the twin.
         """
         from palpate.runs.export import export_run
 
-        return export_run(self, to, None if folder is None else Path(folder))
+        return export_run(self, to, None if folder is None else Path(folder), check)
 
     def prove(self) -> Proof:
         """Prove the twin by tasks: a push, a topple and a throw of each measured object, an opening

@@ -2,303 +2,69 @@
 
 from __future__ import annotations
 
-import importlib
+import shutil
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Literal, get_args
 
 import mujoco
 import numpy as np
 
-from palpate.common.errors import InputError, PalpateError, Unavailable
+from palpate.common.errors import InputError, PalpateError
 from palpate.common.parameter import Parameter
-from palpate.common.pose import Array
 from palpate.common.redaction import redact
 from palpate.estimation.estimate import Estimate
-from palpate.mjcf.document import Texts
+from palpate.estimation.quantities.catalogue import Catalogue
+from palpate.mjcf.document import Document, Texts
+from palpate.mjcf.edits import TextChange, apply_changes, scan, set_attribute
+from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.reading import reparse
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
+from palpate.twin.export_check import SHOWN_BY, Finding, check_export, require_readers
 from palpate.twin.export_facts import (
-    CORNERS,
+    CLOSE,
     SCENE,
-    WORLD,
     Facts,
-    box_around,
     differences,
     facts_of,
     fallback_name,
-    plane_box,
     ready,
-    round_box,
-    tensor,
+    state_inertia,
 )
-from palpate.twin.export_urdf import link_facts, read_urdf, write_urdf
+from palpate.twin.export_urdf import facts_of_parts, link_facts, read_urdf, write_urdf
+from palpate.twin.export_usd import left_behind, read_usd, require_usd, write_usd
 from palpate.twin.files import pack
 from palpate.twin.randomisation import write_randomisation
 from palpate.twin.twin import Twin, held_by_twin
-
-
-def require_usd() -> None:
-    """Require the converter to USD.
-
-    Raises:
-        Unavailable: it is not installed.
-    """
-    try:
-        _module("mujoco_usd_converter")
-    except ImportError as error:
-        raise Unavailable(
-            f"USD needs a converter ({error.name} is not installed): pip install 'palpate[export]', "
-            "on Python 3.11 or 3.12"
-        ) from None
-
-
-def _module(name: str) -> Any:
-    """Load a module of the extra at its first use. USD has no types."""
-    return importlib.import_module(name)
-
-
-def write_usd(
-    spec: mujoco.MjSpec, mjcf: Path, folder: Path, static: Mapping[str, float]
-) -> Path:
-    """Convert a model into one `.usdc`. It is first written as `mjcf`, in the folder of its files.
-
-    `static` is the measured static friction by body.
-    """
-    mjcf.write_text(spec.to_xml(), encoding="utf-8")
-    diagnostics = _module("usdex.core")
-    diagnostics.activateDiagnosticsDelegate()
-    diagnostics.setDiagnosticsLevel(diagnostics.DiagnosticsLevel.eError)
-    converter = _module("mujoco_usd_converter").Converter(layer_structure=False)
-    written = converter.convert(str(mjcf), str(folder.resolve()))
-    file = folder / Path(str(written.path)).name
-    state_physics(file, spec.compile(), static)
-    return file
-
-
-def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]) -> None:
-    """State in a stage what the converter leaves to the defaults of each reader.
-
-    Args:
-        file: converted stage, which is changed.
-        model: from which it was converted.
-        static: measured static friction by body.
-    """
-    physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
-    stage = _module("pxr.Usd").Stage.Open(str(file))
-    prims = list(stage.Traverse())
-    state_options(stage, model)
-    # MuJoCo reads the binding for all purposes; renderers prefer those of their own purposes.
-    for prim in prims:
-        if prim.HasAPI(physics.CollisionAPI):
-            binding = shade.MaterialBindingAPI(prim)
-            material, _ = binding.ComputeBoundMaterial("physics")
-            shown = binding.GetDirectBinding().GetMaterial()
-            if not material:
-                continue
-            if shown and shown.GetPath() != material.GetPath():
-                for purpose in ("full", "preview"):
-                    binding.Bind(shown, materialPurpose=purpose)
-            binding.Bind(material)
-            # Static friction: measured, else that of sliding. The schema's default is 0.
-            friction = physics.MaterialAPI(material)
-            sliding = float(friction.GetDynamicFrictionAttr().Get())
-            stated = float(friction.GetStaticFrictionAttr().Get() or 0.0)
-            held = max(static.get(owner_name(prim), 0.0), sliding, stated)
-            friction.CreateStaticFrictionAttr(held)
-        elif prim.IsA(physics.RevoluteJoint) or prim.IsA(physics.PrismaticJoint):
-            state_joint(prim, model)
-    stage.GetRootLayer().Save()
-
-
-def state_options(stage: Any, model: mujoco.MjModel) -> None:
-    """State gravity, time step and every flag: the defaults of the schemas differ by version."""
-    physics, types = _module("pxr.UsdPhysics"), _module("pxr.Sdf").ValueTypeNames
-    scenes = [prim for prim in stage.Traverse() if prim.IsA(physics.Scene)]
-    root = stage.GetDefaultPrim().GetPath()
-    scene = scenes[0] if scenes else physics.Scene.Define(stage, root.AppendChild(SCENE_PRIM))
-    scene = physics.Scene(scene)
-    size = float(np.linalg.norm(model.opt.gravity))
-    scene.CreateGravityMagnitudeAttr(size)
-    if size > 0.0:
-        scene.CreateGravityDirectionAttr(tuple((model.opt.gravity / size).tolist()))
-    prim = scene.GetPrim()
-    prim.AddAppliedSchema("MjcSceneAPI")
-    step = prim.CreateAttribute("mjc:option:timestep", types.Double, False)
-    step.Set(float(model.opt.timestep))
-    # Names of flags follow those of MuJoCo's bits: mjDSBL_MULTICCD disables `mjc:flag:multiccd`.
-    for bits, kind, on in (
-        (model.opt.disableflags, mujoco.mjtDisableBit, False),
-        (model.opt.enableflags, mujoco.mjtEnableBit, True),
-    ):
-        for name, bit in kind.__members__.items():
-            if not name.startswith("mjN"):
-                flag = f"mjc:flag:{name.partition('_')[2].lower()}"
-                flagged = bool(int(bits) & int(bit))
-                prim.CreateAttribute(flag, types.Bool, False).Set(flagged is on)
-
-
-def state_joint(prim: Any, model: mujoco.MjModel) -> None:
-    """State passive forces of a joint for Newton and PhysX; the converter does so for MuJoCo.
-
-    Sources: `NewtonJointAPI` of newton-usd-schemas 0.6, `PhysxJointAxisAPI` of PhysX 5.6, and
-    `PhysicsDriveAPI`. They state the damping and stiffness of a hinge per degree.
-    """
-    types = _module("pxr.Sdf").ValueTypeNames
-    joint = int(model.joint(name_of(prim)).id)
-    dof = int(model.jnt_dofadr[joint])
-    is_hinge = model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_HINGE)
-    axis, degree = ("angular", np.pi / 180.0) if is_hinge else ("linear", 1.0)
-    damping = float(model.dof_damping[dof]) * degree
-    friction, armature = float(model.dof_frictionloss[dof]), float(model.dof_armature[dof])
-    prim.AddAppliedSchema("NewtonJointAPI")
-    prim.AddAppliedSchema(f"PhysxJointAxisAPI:{axis}")
-    stated = {
-        "newton:armature": armature,
-        "newton:damping": damping,
-        "newton:friction": friction,
-        f"physxJointAxis:{axis}:armature": armature,
-        f"physxJointAxis:{axis}:staticFrictionEffort": friction,
-        f"physxJointAxis:{axis}:dynamicFrictionEffort": friction,
-        f"physxJointAxis:{axis}:viscousFrictionCoefficient": damping,
-    }
-    for name, value in stated.items():
-        prim.CreateAttribute(name, types.Float, False).Set(value)
-    # A spring is a drive towards its rest.
-    if model.jnt_stiffness[joint]:
-        drive = _module("pxr.UsdPhysics").DriveAPI.Apply(prim, axis)
-        at = model.jnt_qposadr[joint]
-        drive.CreateStiffnessAttr(float(model.jnt_stiffness[joint]) * degree)
-        drive.CreateTargetPositionAttr(float(model.qpos_spring[at] - model.qpos0[at]) / degree)
-
-
-def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
-    """Note the elements that the converter leaves out, by kind."""
-    kinds = {
-        "cameras": spec.cameras,
-        "lights": spec.lights,
-        "keyframes": spec.keys,
-        "flexible things": spec.flexes,
-        "skins": spec.skins,
-        "contact pairs": spec.pairs,
-        "sensors": spec.sensors,
-    }
-    for kind, things in kinds.items():
-        if things:
-            yield f"{len(things)} {kind} are left out"
-
-
-def read_usd(path: Path) -> dict[str, Facts]:
-    """Read the rigid bodies and colliders of a stage."""
-    geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
-    # Collect the bodies and their shapes in one traversal.
-    stage = _module("pxr.Usd").Stage.Open(str(path))
-    # Assign each shape to the nearest rigid body above it, else to the world.
-    shapes: dict[str, list[Array]] = {WORLD: []}
-    frictions: dict[str, list[float]] = {WORLD: []}
-    bodies: dict[str, Any] = {}
-    for prim in stage.Traverse():
-        if prim.HasAPI(physics.RigidBodyAPI):
-            bodies[name_of(prim)] = prim
-            shapes[name_of(prim)], frictions[name_of(prim)] = [], []
-        elif prim.IsA(geometry.Gprim) and not is_guide(prim):
-            name = owner_name(prim)
-            shapes[name].append(box_of(prim, frame_of(prim)))
-            friction = friction_of(prim)
-            if friction is not None:
-                frictions[name].append(friction)
-    # Read pose, mass, centre and inertia of each body.
-    found: dict[str, Facts] = {}
-    for name, boxes in shapes.items():
-        pose, mass, com, inertia = np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3))
-        if name in bodies:
-            stated = physics.MassAPI(bodies[name])
-            axes = stated.GetPrincipalAxesAttr().Get()
-            diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
-            pose, mass = frame_of(bodies[name]), float(stated.GetMassAttr().Get())
-            com = np.array(stated.GetCenterOfMassAttr().Get(), dtype=float)
-            inertia = tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()]))
-        shape = np.array(boxes).reshape(-1, 2, 3)
-        friction = np.array(frictions[name])
-        found[name] = Facts(pose, np.array([mass]), com, inertia, shape, friction)
-    return found
-
-
-def is_guide(prim: Any) -> bool:
-    """True for a site. A collider of a hidden group is a guide as well."""
-    purpose = str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get())
-    return purpose == "guide" and not prim.HasAPI(_module("pxr.UsdPhysics").CollisionAPI)
-
-
-def owner_name(prim: Any) -> str:
-    """Name of the nearest rigid body above a shape, or of the world."""
-    owner = prim.GetParent()
-    while owner and not owner.IsPseudoRoot():
-        if owner.HasAPI(_module("pxr.UsdPhysics").RigidBodyAPI):
-            return name_of(owner)
-        owner = owner.GetParent()
-    return WORLD
-
-
-def name_of(prim: Any) -> str:
-    """MuJoCo's name of a prim. USD's own names allow fewer characters."""
-    return str(prim.GetDisplayName() or prim.GetName())
-
-
-def frame_of(prim: Any) -> Array:
-    """Frame (4, 4) in the world, stretched by the prim's scale."""
-    cache = _module("pxr.UsdGeom").XformCache()
-    # Transpose: USD multiplies row vectors from the left.
-    return np.array(cache.GetLocalToWorldTransform(prim), dtype=float).T
-
-
-def box_of(prim: Any, frame: Array) -> Array:
-    def number(attribute: str) -> float:
-        return float(prim.GetAttribute(attribute).Get())
-
-    match str(prim.GetTypeName()):
-        case "Mesh":
-            return box_around(frame, np.array(prim.GetAttribute("points").Get(), dtype=float))
-        case "Plane":
-            return plane_box(frame)
-        case "Cube":
-            return box_around(frame, CORNERS * number("size") / 2)
-        case "Sphere":
-            return round_box(frame, number("radius"))
-        case "Capsule":
-            return round_box(frame, number("radius"), number("height") / 2)
-        case _:
-            return round_box(frame, number("radius"), number("height") / 2, axes=2)
-
-
-def friction_of(prim: Any) -> float | None:
-    """Friction of the physics material; None if a shape does not collide, or has none."""
-    physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
-    if not prim.HasAPI(physics.CollisionAPI):
-        return None
-    if physics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
-        return None
-    # Read the dynamic friction of the bound physics material.
-    material, _ = shade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-    value = physics.MaterialAPI(material).GetDynamicFrictionAttr().Get() if material else None
-    return None if value is None else float(value)
-
-
-SCENE_PRIM = "PhysicsScene"
-
-# Export of a twin for other simulators: MJCF that loads anywhere, URDF, or USD. Every file is read
-# back and compared, body by body. Ranges for domain randomisation are a further format.
-
 
 Format = Literal["mjcf", "urdf", "usd", "randomisation"]
 FORMATS: tuple[Format, ...] = get_args(Format)
 
 ONLY_NUMBERS = ("stiffness", "velocity", "momentum")
 """Quantities without an attribute in any model."""
-NO_FRICTION = "URDF has no friction: each simulator takes its own"
-COMBINED = "how the friction of two things is combined is up to each simulator of USD"
+NO_FRICTION = (
+    "URDF has no friction: each simulator takes its own, except Drake and Bullet, which read that of "
+    "each object with its support from elements of theirs"
+)
+NOT_IN_URDF = ("friction", "spring")
+COMBINED = (
+    "the friction of a pair acts where `mjc:priority` is read; other simulators combine the frictions "
+    "of two materials in their own way"
+)
+TWICE = (
+    "the spring of the joint '{}' is stated as mjc:stiffness and as a drive, which Newton adds up with "
+    "SchemaResolverMjc: set joint_target_ke to 0 there"
+)
+NO_PRIORITY = (
+    "frictions of pairs act by `priority`; Drake ignores it and takes the harmonic mean of two geoms: "
+    "give it the URDF"
+)
+PORTABLE = "portable.xml"
+"""MJCF for readers other than MuJoCo, next to the scene."""
+READ_BACK = {"mjcf": "mujoco", "urdf": "mujoco"}
+"""Reader of each format with which every export is compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -308,9 +74,10 @@ class Export:
     Attributes:
         format: one of `FORMATS`.
         file: the main file, in its folder.
-        held: measured parameters in the file, as read back.
+        held: measured parameters in the file.
         lost: measured parameters that the format cannot state.
-        notes: other differences from the twin, a line each.
+        notes: other differences from the twin, and what is assumed, a line each.
+        findings: by the check in the readers; empty without it.
     """
 
     format: Format
@@ -318,6 +85,20 @@ class Export:
     held: tuple[Parameter, ...]
     lost: tuple[Parameter, ...]
     notes: tuple[str, ...]
+    findings: tuple[Finding, ...] = ()
+
+    def acts_in(self, parameter: Parameter) -> tuple[str, ...]:
+        """Readers in which a held parameter acts as in the twin.
+
+        Without a check it is the one that read the file back, if any.
+        """
+        if parameter not in self.held:
+            return ()
+        if not self.findings:
+            return (READ_BACK[self.format],) if self.format in READ_BACK else ()
+        shown = SHOWN_BY.get(parameter.quantity)
+        acting = [f for f in self.findings if f.quantity == shown and f.verdict == "acts"]
+        return tuple(finding.reader for finding in acting)
 
 
 def require_format(name: str) -> Format:
@@ -336,16 +117,26 @@ def require_format(name: str) -> Format:
 
 
 def export_twin(
-    twin: Twin, estimates: Sequence[Estimate], chosen: Format, folder: Path, scratch: Path
+    twin: Twin,
+    estimates: Sequence[Estimate],
+    chosen: Format,
+    folder: Path,
+    scratch: Path,
+    check: bool = False,
 ) -> Export:
     """Write a twin into the empty `folder`, with intermediate files in the empty `scratch`.
+
+    With `check` it is compared by experiments in every reader that is installed.
 
     Raises:
         InputError: the twin cannot be simulated, so that it could not be compared.
         PalpateError: the written file differs from the twin.
+        Unavailable: a check, and no reader of the format is installed.
     """
     # Ranges need no model.
     if chosen == "randomisation":
+        if check:
+            raise InputError("ranges are no model: a check is for mjcf, urdf and usd")
         written = [each for each in held_by_twin(estimates) if each.parameter not in twin.unwritten]
         file, notes = write_randomisation(written, folder)
         return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
@@ -354,6 +145,7 @@ def export_twin(
     # Pack the twin with all its files.
     document = reparse(twin.texts or Texts(twin.xml), twin.scene.resolved.document)
     description = describe(document, Poses(), twin.scene.catalogue, settled=False)
+    document = reparse(with_names(document, description), document)
     for name, text in pack(document, scratch, SCENE).items():
         # Redact keys of the environment in every exported file.
         (scratch / name).write_text(redact(text), encoding="utf-8", newline="")
@@ -371,6 +163,11 @@ def export_twin(
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
         raise PalpateError(f"the twin cannot be exported as {chosen}: {reason}") from error
+    findings: list[Finding] = []
+    if check:
+        findings = check_export(packed, scene, file, chosen)
+        require_readers(findings, chosen)
+    notes += assumptions(description, twin.scene.catalogue)
     # List the parameters that the format can state, and the others.
     held: list[Parameter] = []
     lost: list[Parameter] = []
@@ -382,6 +179,22 @@ def export_twin(
     return Export(chosen, file, tuple(held), tuple(lost), tuple(notes))
 
 
+def with_names(document: Document, description: Description) -> Texts:
+    """Name the objects that have no name in the text: readers find them by name."""
+    changes: dict[Path | None, list[TextChange]] = {None: []}
+    texts = {None: document.text, **document.texts}
+    for name, body in description.bodies.items():
+        element, place = body.elements.element, document.index[body.elements.element]
+        # Copies and attached models give their bodies other names.
+        copied = any(above.tag == "replicate" for above in element.iterancestors())
+        attached = place.file is not None and place.file not in document.includes.values()
+        tag = scan(texts[place.file])[place.number]
+        if tag.name == "body" and "name" not in tag.attributes and not copied and not attached:
+            changes.setdefault(place.file, []).append(set_attribute(tag, "name", name))
+    made = {file: apply_changes(texts[file], named) for file, named in changes.items()}
+    return Texts(made.pop(None), {file: text for file, text in made.items() if file is not None})
+
+
 def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:
     """Measured static friction by object."""
     found: dict[str, float] = {}
@@ -391,19 +204,46 @@ def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:
     return found
 
 
+def assumptions(description: Description, quantities: Catalogue) -> Iterator[str]:
+    """Note values of an export that nobody measured or stated."""
+    inferred: dict[str, list[str]] = {}
+    for name, body in description.bodies.items():
+        for quantity in quantities.of(body.role):
+            status = quantity.status(body)
+            if status == "missing" and quantity.id in ("mass", "friction"):
+                # Without a statement MuJoCo takes 1000 kg/m^3, and friction 1.
+                is_mass = quantity.id == "mass"
+                value = f"{mass_of(body):.4g} kg" if is_mass else f"{quantity.known(body)[0]:.4g}"
+                yield f"{name}.{quantity.id} is unknown: the export has MuJoCo's default, {value}"
+            elif status == "assumed" and quantity.id in ("com", "inertia"):
+                inferred.setdefault(quantity.id, []).append(name)
+    for what, names in inferred.items():
+        yield f"{what} follows from shapes of uniform density: {', '.join(names)}"
+
+
 def can_state(chosen: Format, description: Description, parameter: Parameter) -> bool:
     """True if a format can state a parameter."""
     if chosen == "mjcf":
         return True  # `<custom>` has a place for everything
-    if chosen == "urdf" and parameter.quantity == "friction":
+    if chosen == "urdf" and parameter.quantity in NOT_IN_URDF:
         return False
     return parameter.object in description.bodies and parameter.quantity not in ONLY_NUMBERS
 
 
 def _mjcf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
-    for path in scene.parent.iterdir():
-        path.rename(folder / path.name)
-    return folder / scene.name, []
+    shutil.copytree(scene.parent, folder, dirs_exist_ok=True)
+    # The same model for readers that compute no masses, and know neither frames nor includes.
+    spec = mujoco.MjSpec.from_file(str(scene))
+    model = spec.compile()
+    state_inertia(spec, model)
+    portable = folder / PORTABLE
+    spec.compile()
+    portable.write_text(spec.to_xml(), encoding="utf-8")
+    require_same(facts_of(model), facts_of(mujoco.MjModel.from_xml_path(str(portable))))
+    notes = [f"{PORTABLE} has every mass stated, without frames and includes, to six digits"]
+    if model.geom_priority.any():
+        notes.append(NO_PRIORITY)
+    return folder / scene.name, notes
 
 
 def _urdf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
@@ -411,17 +251,20 @@ def _urdf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list
     model = spec.compile()
     file = folder / "scene.urdf"
     written = write_urdf(model, file)
-    require_same(link_facts(model), read_urdf(file, written), friction=False)
+    read = read_urdf(file, written)
+    require_same(link_facts(model), facts_of_parts(read, written), friction=False)
+    require_same_joints(model, read)
     return file, [NO_FRICTION, *notes, *written.notes]
 
 
 def _usd(scene: Path, folder: Path, static: Mapping[str, float]) -> tuple[Path, list[str]]:
     spec, notes = ready(scene)
     spec.modelname = scene.stem
-    twin = facts_of(spec.compile())
+    model = spec.compile()
     file = write_usd(spec, scene.with_name("ready.xml"), folder, static)
-    require_same(twin, read_usd(file))
-    return file, [COMBINED, *notes, *left_behind(spec)]
+    require_same(facts_of(model), read_usd(file))
+    springs = [TWICE.format(spec.joints[j].name) for j in np.flatnonzero(model.jnt_stiffness)]
+    return file, [COMBINED, *notes, *springs, *left_behind(spec)]
 
 
 WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path, list[str]]]] = {
@@ -430,6 +273,21 @@ WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path,
     "usd": _usd,
 }
 """Writers: each writes the contained scene into a folder and returns the main file, with notes."""
+
+
+def require_same_joints(model: mujoco.MjModel, read: mujoco.MjModel) -> None:
+    """Require the damping and friction of hinges and slides."""
+    for joint in range(model.njnt):
+        name, dof = model.joint(joint).name, int(model.jnt_dofadr[joint])
+        if model.jnt_type[joint] >= int(mujoco.mjtJoint.mjJNT_SLIDE):
+            other = int(read.jnt_dofadr[read.joint(name).id])
+            for what in ("dof_damping", "dof_frictionloss"):
+                mine, its = getattr(model, what)[dof], getattr(read, what)[other]
+                if not np.isclose(mine, its, rtol=CLOSE):
+                    raise PalpateError(
+                        f"the joint '{name}' is not the same when it is read back: its {what} is "
+                        f"{its:.8g} instead of {mine:.8g}"
+                    )
 
 
 def require_same(

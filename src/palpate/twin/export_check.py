@@ -85,8 +85,9 @@ READERS = (
     Reader("mujoco-usd", "mujoco", ("mujoco-usd",), ("usd",)),
     Reader("mujoco-warp", "mujoco_warp", ("mujoco-warp",), ("mjcf",)),
     Reader("newton", "newton", ("newton",), ("mjcf", "urdf", "usd")),
-    Reader("newton, SchemaResolverMjc", "newton", ("newton",), ("usd",), remedy=True),
+    Reader("newton with remedy", "newton", ("newton",), ("mjcf", "urdf", "usd"), remedy=True),
     Reader("drake", "drake", ("drake",), ("mjcf", "urdf")),
+    Reader("drake with remedy", "drake", ("drake",), ("mjcf", "urdf"), remedy=True),
     Reader("pinocchio", "pinocchio", ("pin",), ("mjcf", "urdf")),
     Reader("pybullet", "pybullet", ("pybullet",), ("mjcf", "urdf")),
 )
@@ -128,6 +129,7 @@ def check_export(
         "seconds": SECONDS,
         "experiments": experiments_for(model),
         "placement": {},
+        "remedy": False,
     }
     twin = run_job({**job, "reader": "mujoco", "file": str(source)})
     if placement.exists():
@@ -144,7 +146,9 @@ def is_installed(reader: Reader, python: str) -> bool:
     """True if an interpreter has all packages of a reader."""
     if python == sys.executable:
         try:
-            return all(distribution(package) is not None for package in reader.packages)
+            for package in reader.packages:
+                distribution(package)
+            return True
         except PackageNotFoundError:
             return False
     asked = "import sys, importlib.metadata as m; [m.version(name) for name in sys.argv[1:]]"
@@ -229,9 +233,7 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
     return found
 
 
-def judge(
-    reader: str, quantity: str, mine: Mapping[str, Any], its: Mapping[str, Any]
-) -> Finding:
+def judge(reader: str, quantity: str, mine: Mapping[str, Any], its: Mapping[str, Any]) -> Finding:
     """Compare a quantity of all bodies, and name the one that differs most."""
     if missing := [name for name in mine if name not in its]:
         return Finding(reader, quantity, "lost", f"of {', '.join(missing)}"[:200])
@@ -256,4 +258,6 @@ def require_readers(findings: Sequence[Finding], chosen: str) -> None:
     """
     if not findings:
         names = ", ".join(p for r in READERS if chosen in r.formats for p in r.packages)
-        raise Unavailable(f"no reader of {chosen} is installed to check the export; any of: {names}")
+        raise Unavailable(
+            f"no reader of {chosen} is installed to check the export; any of: {names}"
+        )

@@ -187,6 +187,10 @@ def differences(
 
 SCENE = "scene.xml"
 """Name of the scene among its files."""
+SHARE = 1e-6
+"""Share of a body's mass and inertia in a link between two of its joints, or in a massless body."""
+SPREAD = 0.01
+"""m: radius of gyration of a massless body."""
 SUBDIVISIONS = 3
 """Subdivisions of an icosahedron. An ellipsoid then becomes a mesh of 642 points."""
 READ = (".obj", ".stl")
@@ -204,7 +208,8 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         The scene, and a note for each such shape.
     """
     spec = mujoco.MjSpec.from_file(str(scene))
-    state_inertia(spec, spec.compile())
+    model = spec.compile()
+    state_inertia(spec, model)
     # Name all elements: links and joints of other formats need names.
     for body in spec.bodies:
         body.name = body.name or fallback_name(body.id)
@@ -212,6 +217,13 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         for i, thing in enumerate(things):
             thing.name = thing.name or f"{kind}_{i}"
     notes: list[str] = []
+    # Readers refuse a moving body without mass, or lose it: give it a share of what it carries.
+    for body in spec.bodies:
+        if model.body_weldid[body.id] and not model.body_mass[body.id] > 0.0:
+            body.explicitinertial, body.ipos = True, np.zeros(3)
+            body.mass = SHARE * model.body_subtreemass[body.id]
+            body.inertia = np.full(3, body.mass * SPREAD**2)
+            notes.append(f"'{body.name}' has no mass of its own: it weighs {1e6 * body.mass:.3g} mg")
     # Replace ellipsoids by meshes, and remove height fields.
     for geom in list(spec.geoms):  # a copy: geoms are deleted on the way
         if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID:

@@ -1,11 +1,11 @@
 """Experiments with a file in one simulator, run as a script in a process of its own.
 
 `python export_readers.py < job.json > result.json`. It imports nothing of palpate, so that the
-interpreter of any environment can run it. The job has `reader`, `file`, `gravity`, m/s², `step`, s,
-`seconds`, `experiments` and `placement` (poses of separate URDF files). An experiment has initial
-velocities of free bodies (`velocity`, m/s) and of joints (`rate`), and forces at the centres of
-mass (`force`, N). The result has `bodies` (mass, centre of mass and inertia about it in world axes)
-and, for each experiment, positions of the centres of mass and of the joints at its end.
+interpreter of any environment can run it. The job has `reader`, `remedy`, `file`, `placement`,
+`gravity`, m/s², `step` and `seconds`, s, and `experiments`: initial velocities of free bodies
+(`velocity`, m/s) and of joints (`rate`), and forces at the centres of mass (`force`, N). The result
+has `bodies` (mass, centre of mass and inertia about it in world axes) and for each experiment the
+centres of mass and the joints' travels at its end.
 """
 
 from __future__ import annotations
@@ -13,7 +13,6 @@ from __future__ import annotations
 import importlib
 import json
 import os
-import re
 import sys
 from collections.abc import Iterator
 from importlib.metadata import version
@@ -23,9 +22,9 @@ from typing import Any
 import numpy as np
 
 Job = dict[str, Any]
-Positions = dict[str, dict[str, Any]]
+Bodies = dict[str, dict[str, Any]]
 Placement = dict[str, dict[str, Any]]
-"""By body: `file`, `position` and `quaternion_xyzw` in the world."""
+"""By free body: `file`, `position` and `quaternion_xyzw` in the world."""
 
 
 def load(module: str) -> Any:
@@ -35,14 +34,16 @@ def load(module: str) -> Any:
 
 def short(label: str) -> str:
     """Name of a body or joint without the path of its file or stage."""
-    return label.rsplit("/", 1)[-1].rsplit("::", 1)[-1]
+    return label.rsplit("/", 1)[-1]
 
 
-def facts(mass: float, com: Any, inertia: Any) -> dict[str, Any]:
-    return {"mass": float(mass), "com": np.ravel(com).tolist(), "inertia": np.ravel(inertia).tolist()}
+def facts(mass: float, com: Any, rotation: Any, inertia: Any) -> dict[str, Any]:
+    """Facts of a body: inertia (3, 3) in axes that `rotation` (3, 3) turns into the world's."""
+    world = np.asarray(rotation) @ np.asarray(inertia).reshape(3, 3) @ np.asarray(rotation).T
+    return {"mass": float(mass), "com": np.ravel(com).tolist(), "inertia": world.ravel().tolist()}
 
 
-def rotation(xyzw: Any) -> Any:
+def rotation_of(xyzw: Any) -> Any:
     """Rotation matrix (3, 3) of a unit quaternion."""
     x, y, z, w = np.asarray(xyzw, dtype=float)
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
@@ -52,14 +53,14 @@ def rotation(xyzw: Any) -> Any:
 def matrix(pose: list[float]) -> Any:
     """Homogeneous matrix (4, 4) of position and quaternion x y z w."""
     made = np.eye(4)
-    made[:3, :3], made[:3, 3] = rotation(pose[3:]), pose[:3]
+    made[:3, :3], made[:3, 3] = rotation_of(pose[3:]), pose[:3]
     return made
 
 
-def separate(job: Job) -> Iterator[tuple[str, str, list[float]]]:
+def separate(file: str, placement: Placement) -> Iterator[tuple[str, str, list[float]]]:
     """Yield name, path, and position and quaternion x y z w, of each separate file."""
-    for name, at in job["placement"].items():
-        path = Path(job["file"]).with_name(at["file"])
+    for name, at in placement.items():
+        path = Path(file).with_name(at["file"])
         yield name, str(path), [*at["position"], *at["quaternion_xyzw"]]
 
 
@@ -69,7 +70,7 @@ def read_spec(mujoco: Any, file: str, placement: Placement) -> Any:
     if not file.endswith(".urdf"):
         return spec
     spec.compiler.fusestatic, spec.compiler.discardvisual = False, True
-    for name, path, pose in separate({"file": file, "placement": placement}):
+    for name, path, pose in separate(file, placement):
         other = mujoco.MjSpec.from_file(path)
         other.compiler.fusestatic, other.compiler.discardvisual = False, True
         frame = spec.worldbody.add_frame(pos=pose[:3], quat=[pose[6], *pose[3:6]])
@@ -80,7 +81,71 @@ def read_spec(mujoco: Any, file: str, placement: Placement) -> Any:
     return spec
 
 
-class MuJoCo:
+def bodies_of(mujoco: Any, model: Any) -> Bodies:
+    """Facts of all bodies of a compiled MuJoCo model in its initial configuration."""
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    mujoco.mj_comPos(model, data)
+    found: Bodies = {}
+    for body in range(1, model.nbody):
+        inertia = np.diag(model.body_inertia[body])
+        axes = data.ximat[body].reshape(3, 3)
+        name = short(model.body(body).name)
+        found[name] = facts(model.body_mass[body], data.xipos[body], axes, inertia)
+    return found
+
+
+class Reader:
+    """A simulator with a loaded file.
+
+    Attributes:
+        package: distribution.
+        step: s.
+        joints: hinges and slides by name, as the simulator refers to them.
+    """
+
+    package: str
+    step: float
+    joints: dict[str, Any]
+
+    def bodies(self) -> Bodies:
+        raise NotImplementedError
+
+    def reset(self) -> None:
+        """Return to the initial state."""
+
+    def launch(self, name: str, velocity: list[float]) -> None:
+        """Give a free body a velocity, if it is one."""
+
+    def kick(self, joint: Any, rate: float) -> None:
+        """Give a joint a velocity."""
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        """Simulate with constant forces on bodies."""
+        raise NotImplementedError
+
+    def centres(self) -> dict[str, Any]:
+        """Centres of mass of all bodies in the world."""
+        return {}
+
+    def travel(self, joint: Any) -> float:
+        """Travel of a joint from its initial position."""
+        raise NotImplementedError
+
+    def run(self, experiment: Job, seconds: float) -> dict[str, Any]:
+        """Run an experiment from the initial state."""
+        self.reset()
+        for name, velocity in experiment.get("velocity", {}).items():
+            self.launch(name, velocity)
+        for name, rate in experiment.get("rate", {}).items():
+            if name in self.joints:
+                self.kick(self.joints[name], rate)
+        self.advance(round(seconds / self.step), experiment.get("force", {}))
+        com = {name: np.ravel(at).tolist() for name, at in self.centres().items()}
+        return {"com": com, "joints": {n: float(self.travel(j)) for n, j in self.joints.items()}}
+
+
+class MuJoCo(Reader):
     """MuJoCo, from MJCF, URDF, or USD with the package mujoco-usd."""
 
     package = "mujoco"
@@ -90,56 +155,54 @@ class MuJoCo:
         spec = read_spec(self.mj, job["file"], job["placement"])
         if job["file"].endswith(".urdf"):
             spec.option.gravity, spec.option.timestep = job["gravity"], job["step"]
-        self.model = spec.compile()
-        self.data = self.mj.MjData(self.model)
+        self.model = model = spec.compile()
+        self.data, self.step = self.mj.MjData(model), model.opt.timestep
+        self.names = {short(model.body(body).name): body for body in range(1, model.nbody)}
+        slide = int(self.mj.mjtJoint.mjJNT_SLIDE)
+        moving = [j for j in range(model.njnt) if model.jnt_type[j] >= slide]
+        self.joints = {short(model.joint(j).name): j for j in moving}
+
+    def bodies(self) -> Bodies:
+        return bodies_of(self.mj, self.model)
+
+    def reset(self) -> None:
+        self.mj.mj_resetData(self.model, self.data)
+
+    def launch(self, name: str, velocity: list[float]) -> None:
+        dof = int(self.model.body_dofadr[self.names[name]]) if name in self.names else -1
+        if dof >= 0:
+            self.data.qvel[dof : dof + 3] = velocity
+
+    def kick(self, joint: Any, rate: float) -> None:
+        self.data.qvel[self.model.jnt_dofadr[joint]] = rate
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        for name, force in forces.items():
+            if name in self.names:
+                self.data.xfrc_applied[self.names[name], :3] = force
+        self.mj.mj_forward(self.model, self.data)
+        self.simulate(steps)
         self.mj.mj_forward(self.model, self.data)
 
-    def bodies(self) -> Positions:
-        found: Positions = {}
-        for body in range(1, self.model.nbody):
-            axes = self.data.ximat[body].reshape(3, 3)
-            inertia = axes @ np.diag(self.model.body_inertia[body]) @ axes.T
-            mass = self.model.body_mass[body]
-            found[short(self.model.body(body).name)] = facts(mass, self.data.xipos[body], inertia)
-        return found
-
-    def run(self, experiment: Job, seconds: float) -> Positions:
-        mj, model, data = self.mj, self.model, self.data
-        mj.mj_resetData(model, data)
-        names = {short(model.body(body).name): body for body in range(model.nbody)}
-        for name, velocity in experiment.get("velocity", {}).items():
-            dof = int(model.body_dofadr[names[name]]) if name in names else -1
-            if dof >= 0:
-                data.qvel[dof : dof + 3] = velocity
-        joints = {short(model.joint(j).name): j for j in range(model.njnt)}
-        for name, rate in experiment.get("rate", {}).items():
-            if name in joints:
-                data.qvel[model.jnt_dofadr[joints[name]]] = rate
-        for name, force in experiment.get("force", {}).items():
-            if name in names:
-                data.xfrc_applied[names[name], :3] = force
-        self.step(round(seconds / model.opt.timestep))
-        mj.mj_forward(model, data)
-        angles: dict[str, float] = {}
-        for name, j in joints.items():
-            if model.jnt_type[j] >= int(mj.mjtJoint.mjJNT_SLIDE):
-                address = model.jnt_qposadr[j]
-                angles[name] = float(data.qpos[address] - model.qpos0[address])
-        return {"com": {n: data.xipos[b].tolist() for n, b in names.items() if b}, "joints": angles}
-
-    def step(self, steps: int) -> None:
+    def simulate(self, steps: int) -> None:
         self.mj.mj_step(self.model, self.data, nstep=steps)
+
+    def centres(self) -> dict[str, Any]:
+        return {name: self.data.xipos[body] for name, body in self.names.items()}
+
+    def travel(self, joint: Any) -> float:
+        at = self.model.jnt_qposadr[joint]
+        return float(self.data.qpos[at] - self.model.qpos0[at])
 
 
 class Warp(MuJoCo):
     """MuJoCo Warp, one world, on the CPU or the graphics card."""
 
-    package = "mujoco_warp"
+    package = "mujoco-warp"
 
-    def step(self, steps: int) -> None:
+    def simulate(self, steps: int) -> None:
         warp, mjw = load("warp"), load("mujoco_warp")
         warp.config.quiet = True
-        self.mj.mj_forward(self.model, self.data)
         model = mjw.put_model(self.model)
         data = mjw.put_data(self.model, self.data, nconmax=512, njmax=4096)
         for _ in range(steps):
@@ -147,312 +210,321 @@ class Warp(MuJoCo):
         mjw.get_data_into(self.data, self.model, data)
 
 
-class Newton:
-    """Newton with its MuJoCo solver. `remedy`: the schema resolvers for MuJoCo's attributes."""
+class Newton(Reader):
+    """Newton with its MuJoCo solver.
+
+    `remedy`: the resolver of MuJoCo's attributes in USD, and several contacts of round shapes.
+    """
 
     package = "newton"
 
     def __init__(self, job: Job) -> None:
         warp = load("warp")
         warp.config.quiet = True
-        self.newton, self.wp = load("newton"), warp
+        self.newton, self.step = load("newton"), job["step"]
+        self.solver = self.newton.solvers.SolverMuJoCo
         builder = self.newton.ModelBuilder(gravity=tuple(job["gravity"]))
-        solver = self.newton.solvers.SolverMuJoCo
-        file, options = job["file"], {}
-        if file.endswith((".usdc", ".usda")):
-            if job["remedy"]:
-                solver.register_custom_attributes(builder)
-                usd = load("newton.usd")
-                resolvers = [usd.SchemaResolverMjc(), usd.SchemaResolverNewton()]
-                options["schema_resolvers"] = resolvers
-            builder.add_usd(file, **options)
+        file, self.remedy = job["file"], job["remedy"]
+        if file.endswith(".usdc") and self.remedy:
+            self.solver.register_custom_attributes(builder)
+            usd = load("newton.usd")
+            resolvers = [usd.SchemaResolverMjc(), usd.SchemaResolverNewton()]
+            builder.add_usd(file, schema_resolvers=resolvers)
+            # The resolver reads springs from `mjc:stiffness`; the drive would add another one.
+            builder.joint_target_ke = [0.0] * len(builder.joint_target_ke)
+        elif file.endswith(".usdc"):
+            builder.add_usd(file)
         elif file.endswith(".urdf"):
             builder.add_urdf(file, floating=False)
-            for _, other, pose in separate(job):
+            for _, other, pose in separate(file, job["placement"]):
                 builder.add_urdf(other, xform=warp.transform(*pose), floating=True)
         else:
             builder.add_mjcf(file)
-        self.builder, self.step = builder, job["step"]
-        self.model = builder.finalize(device="cpu")
-        self.model.set_gravity(tuple(job["gravity"]))
-        self.labels = [short(label) for label in self.model.body_label]
+        self.model = model = builder.finalize(device="cpu")
+        model.set_gravity(tuple(job["gravity"]))
+        self.labels = [short(label) for label in model.body_label]
+        self.at, self.rates = model.joint_qd_start.numpy(), model.joint_qd.numpy().copy()
+        kinds, children = self.newton.JointType, model.joint_child.numpy()
+        types = model.joint_type.numpy()
+        single = (int(kinds.REVOLUTE), int(kinds.PRISMATIC))
+        named = enumerate(map(short, model.joint_label))
+        self.joints = {name: j for j, name in named if types[j] in single}
+        free = np.flatnonzero(types == int(kinds.FREE))
+        self.free = {self.labels[children[j]]: int(j) for j in free}
+        self.reset()
 
-    def start(self) -> Any:
-        state = self.model.state()
-        self.newton.eval_fk(self.model, self.model.joint_q, self.model.joint_qd, state)
-        return state
-
-    def centres(self, state: Any) -> Any:
-        poses, coms = state.body_q.numpy(), self.model.body_com.numpy()
-        return [p[:3] + rotation(p[3:]) @ c for p, c in zip(poses, coms, strict=True)]
-
-    def bodies(self) -> Positions:
-        state = self.start()
-        found: Positions = {}
+    def bodies(self) -> Bodies:
         masses, inertias = self.model.body_mass.numpy(), self.model.body_inertia.numpy()
-        for i, (name, com) in enumerate(zip(self.labels, self.centres(state), strict=True)):
-            axes = rotation(state.body_q.numpy()[i, 3:])
-            found[name] = facts(masses[i], com, axes @ inertias[i].reshape(3, 3) @ axes.T)
+        poses, found = self.state.body_q.numpy(), dict[str, dict[str, Any]]()
+        for i, (name, com) in enumerate(self.centres().items()):
+            found[name] = facts(masses[i], com, rotation_of(poses[i, 3:]), inertias[i])
         return found
 
-    def run(self, experiment: Job, seconds: float) -> Positions:
-        model, newton = self.model, self.newton
-        rates, starts = model.joint_qd.numpy().copy(), model.joint_qd_start.numpy()
-        children, types = model.joint_child.numpy(), model.joint_type.numpy()
-        joints: dict[str, int] = {}
-        for j, label in enumerate(model.joint_label):
-            if types[j] in (int(newton.JointType.REVOLUTE), int(newton.JointType.PRISMATIC)):
-                joints[short(label)] = j
-                if short(label) in experiment.get("rate", {}):
-                    rates[starts[j]] = experiment["rate"][short(label)]
-            body = self.labels[children[j]]
-            if types[j] == int(newton.JointType.FREE) and body in experiment.get("velocity", {}):
-                rates[starts[j] : starts[j] + 3] = experiment["velocity"][body]
-        before = model.joint_qd.numpy().copy()
-        model.joint_qd.assign(rates)
-        solver = newton.solvers.SolverMuJoCo(model)
-        state, after, control = self.start(), model.state(), model.control()
-        forces = np.zeros((model.body_count, 6), dtype=np.float32)
-        for name, force in experiment.get("force", {}).items():
+    def reset(self) -> None:
+        self.state, self.started = self.model.state(), self.rates.copy()
+        model = self.model
+        self.newton.eval_fk(model, model.joint_q, model.joint_qd, self.state)
+
+    def launch(self, name: str, velocity: list[float]) -> None:
+        if name in self.free:
+            start = self.at[self.free[name]]
+            self.started[start : start + 3] = velocity
+
+    def kick(self, joint: Any, rate: float) -> None:
+        self.started[self.at[joint]] = rate
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        model = self.model
+        model.joint_qd.assign(self.started)
+        options = {"enable_multiccd": True} if self.remedy else {}
+        solver = self.solver(model, **options)
+        before, after, control = model.state(), model.state(), model.control()
+        self.newton.eval_fk(model, model.joint_q, model.joint_qd, before)
+        applied = np.zeros((model.body_count, 6), dtype=np.float32)
+        for name, force in forces.items():
             if name in self.labels:
-                forces[self.labels.index(name), :3] = force
-        for _ in range(round(seconds / self.step)):
-            state.body_f.assign(forces)
-            solver.step(state, after, control, None, self.step)
-            state, after = after, state
-        model.joint_qd.assign(before)
-        newton.eval_ik(model, state, state.joint_q, state.joint_qd)
-        at, coordinates = model.joint_q_start.numpy(), state.joint_q.numpy()
-        zero = model.joint_q.numpy()
-        angles = {name: float(coordinates[at[j]] - zero[at[j]]) for name, j in joints.items()}
-        com = {n: c.tolist() for n, c in zip(self.labels, self.centres(state), strict=True)}
-        return {"com": com, "joints": angles}
+                applied[self.labels.index(name), :3] = force
+        for _ in range(steps):
+            before.body_f.assign(applied)
+            solver.step(before, after, control, None, self.step)
+            before, after = after, before
+        self.state = before
+        model.joint_qd.assign(self.rates)
+        self.newton.eval_ik(model, before, before.joint_q, before.joint_qd)
+
+    def centres(self) -> dict[str, Any]:
+        poses, coms = self.state.body_q.numpy(), self.model.body_com.numpy()
+        found = [p[:3] + rotation_of(p[3:]) @ c for p, c in zip(poses, coms, strict=True)]
+        return dict(zip(self.labels, found, strict=True))
+
+    def travel(self, joint: Any) -> float:
+        at = int(self.model.joint_q_start.numpy()[joint])
+        return float(self.state.joint_q.numpy()[at] - self.model.joint_q.numpy()[at])
 
 
-class Drake:
-    """Drake's MultibodyPlant with point contact."""
+class Drake(Reader):
+    """Drake's MultibodyPlant.
+
+    `remedy`: compliant hydroelastic contact; a point contact of two shapes has one point.
+    """
 
     package = "drake"
 
     def __init__(self, job: Job) -> None:
-        self.job, self.math = job, load("pydrake.math")
-        self.build()
-
-    def build(self) -> None:
-        job, plants = self.job, load("pydrake.multibody.plant")
-        framework, parsing = load("pydrake.systems.framework"), load("pydrake.multibody.parsing")
-        builder = framework.DiagramBuilder()
-        self.plant, _ = plants.AddMultibodyPlantSceneGraph(builder, time_step=job["step"])
-        parser = parsing.Parser(self.plant)
+        plants, self.step = load("pydrake.multibody.plant"), job["step"]
+        self.algebra, builder = load("pydrake.multibody.math"), load("pydrake.systems.framework")
+        builder = builder.DiagramBuilder()
+        self.force = plants.ExternallyAppliedSpatialForce
+        self.plant, graph = plants.AddMultibodyPlantSceneGraph(builder, time_step=self.step)
+        if job["remedy"]:
+            config = load("pydrake.geometry").SceneGraphConfig()
+            config.default_proximity_properties.compliance_type = "compliant"
+            config.default_proximity_properties.slab_thickness = 1.0
+            graph.set_config(config)
+        parser = load("pydrake.multibody.parsing").Parser(self.plant)
         parser.SetAutoRenaming(True)
         parser.AddModels(job["file"])
-        for _, other, _ in separate(job):
+        placed = list(separate(job["file"], job["placement"]))
+        for _, other, _ in placed:
             parser.AddModels(other)
         self.plant.mutable_gravity_field().set_gravity_vector(job["gravity"])
         self.plant.Finalize()
-        for name, _, pose in separate(job):
-            body = self.plant.GetBodyByName(name)
-            self.plant.SetDefaultFloatingBaseBodyPose(
-                body, self.math.RigidTransform(matrix(pose))
-            )
+        for name, _, pose in placed:
+            pose = load("pydrake.math").RigidTransform(matrix(pose))
+            self.plant.SetDefaultFloatingBaseBodyPose(self.plant.GetBodyByName(name), pose)
         self.diagram = builder.Build()
-
-    def each(self) -> Any:
-        indices = self.plant.GetBodyIndices
-        count = self.plant.num_model_instances()
+        every: list[Any] = [self.plant.get_joint(j) for j in self.plant.GetJointIndices()]
+        self.joints = {j.name(): j for j in every if j.num_velocities() == 1}
         instance = load("pydrake.multibody.tree").ModelInstanceIndex
-        for i in range(1, count):
-            for index in indices(instance(i)):
-                yield self.plant.get_body(index)
+        self.named: dict[str, Any] = {}
+        for i in range(1, self.plant.num_model_instances()):
+            for index in self.plant.GetBodyIndices(instance(i)):
+                body = self.plant.get_body(index)
+                self.named[body.name()] = body
+        self.reset()
 
-    def bodies(self) -> Positions:
-        context = self.plant.CreateDefaultContext()
-        found: Positions = {}
-        for body in self.each():
-            inertia = body.CalcSpatialInertiaInBodyFrame(context)
-            axes = body.EvalPoseInWorld(context).rotation().matrix()
+    def bodies(self) -> Bodies:
+        found: Bodies = {}
+        for (name, body), com in zip(self.named.items(), self.centres().values(), strict=True):
+            inertia = body.CalcSpatialInertiaInBodyFrame(self.context)
             about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
-            com = body.CalcCenterOfMassInBodyFrame(context)
-            centre = body.EvalPoseInWorld(context).multiply(com)
-            found[body.name()] = facts(body.get_mass(context), centre, axes @ about @ axes.T)
+            axes = body.EvalPoseInWorld(self.context).rotation().matrix()
+            found[name] = facts(body.get_mass(self.context), com, axes, about)
         return found
 
-    def run(self, experiment: Job, seconds: float) -> Positions:
-        analysis, algebra = load("pydrake.systems.analysis"), load("pydrake.multibody.math")
-        plants = load("pydrake.multibody.plant")
-        simulator = analysis.Simulator(self.diagram)
-        context = self.plant.GetMyMutableContextFromRoot(simulator.get_mutable_context())
-        forces: list[Any] = []
-        for body in self.each():
-            velocity = experiment.get("velocity", {}).get(body.name())
-            if velocity is not None and body.is_floating_base_body():
-                twist = algebra.SpatialVelocity(np.zeros(3), np.array(velocity))
-                self.plant.SetFloatingBaseBodySpatialVelocity(context, body, twist) if hasattr(
-                    self.plant, "SetFloatingBaseBodySpatialVelocity"
-                ) else self.plant.SetFreeBodySpatialVelocity(body, twist, context)
-            force = experiment.get("force", {}).get(body.name())
-            if force is not None:
-                applied = plants.ExternallyAppliedSpatialForce()
+    def reset(self) -> None:
+        self.simulator = load("pydrake.systems.analysis").Simulator(self.diagram)
+        root = self.simulator.get_mutable_context()
+        self.context = self.plant.GetMyMutableContextFromRoot(root)
+        self.zero = self.plant.GetPositions(self.context).copy()
+
+    def launch(self, name: str, velocity: list[float]) -> None:
+        body = self.named.get(name)
+        if body is not None and body.is_floating_base_body():
+            twist = self.algebra.SpatialVelocity(np.zeros(3), np.array(velocity))
+            self.plant.SetFreeBodySpatialVelocity(body, twist, self.context)
+
+    def kick(self, joint: Any, rate: float) -> None:
+        rates = self.plant.GetVelocities(self.context).copy()
+        rates[joint.velocity_start()] = rate
+        self.plant.SetVelocities(self.context, rates)
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        given: list[Any] = []
+        for name, force in forces.items():
+            if name in self.named:
+                applied, body = self.force(), self.named[name]
                 applied.body_index = body.index()
-                applied.p_BoBq_B = body.CalcCenterOfMassInBodyFrame(context)
-                applied.F_Bq_W = algebra.SpatialForce(np.zeros(3), np.array(force))
-                forces.append(applied)
-        self.plant.get_applied_spatial_force_input_port().FixValue(context, forces)
-        joints = {}
-        for index in self.plant.GetJointIndices():
-            joint = self.plant.get_joint(index)
-            if joint.num_velocities() == 1 and joint.num_positions() == 1:
-                joints[joint.name()] = joint
-                rate = experiment.get("rate", {}).get(joint.name())
-                if rate is not None:
-                    at = joint.velocity_start()
-                    rates = self.plant.GetVelocities(context).copy()
-                    rates[at] = rate
-                    self.plant.SetVelocities(context, rates)
-        starts = self.plant.GetPositions(context).copy()
-        simulator.AdvanceTo(seconds)
-        ends = self.plant.GetPositions(context)
-        at = {name: joint.position_start() for name, joint in joints.items()}
-        angles = {name: float(ends[i] - starts[i]) for name, i in at.items()}
-        com = {}
-        for body in self.each():
-            centre = body.CalcCenterOfMassInBodyFrame(context)
-            com[body.name()] = body.EvalPoseInWorld(context).multiply(centre).tolist()
-        return {"com": com, "joints": angles}
+                applied.p_BoBq_B = body.CalcCenterOfMassInBodyFrame(self.context)
+                applied.F_Bq_W = self.algebra.SpatialForce(np.zeros(3), np.array(force))
+                given.append(applied)
+        self.plant.get_applied_spatial_force_input_port().FixValue(self.context, given)
+        self.simulator.AdvanceTo(steps * self.step)
+
+    def centres(self) -> dict[str, Any]:
+        found: dict[str, Any] = {}
+        for name, body in self.named.items():
+            com = body.CalcCenterOfMassInBodyFrame(self.context)
+            found[name] = body.EvalPoseInWorld(self.context).multiply(com)
+        return found
+
+    def travel(self, joint: Any) -> float:
+        at = joint.position_start()
+        return float(self.plant.GetPositions(self.context)[at] - self.zero[at])
 
 
-class Bullet:
-    """pybullet, with the inertias of the file."""
+class Bullet(Reader):
+    """pybullet, with the inertias of the file, and the friction of joints as their motors'."""
 
     package = "pybullet"
 
     def __init__(self, job: Job) -> None:
-        self.job, self.p = job, load("pybullet")
+        self.job, self.p, self.step = job, load("pybullet"), job["step"]
         self.p.connect(self.p.DIRECT)
-        self.load()
+        self.reset()
 
-    def load(self) -> None:
-        p, job = self.p, self.job
+    def reset(self) -> None:
+        p, file = self.p, self.job["file"]
         p.resetSimulation()
-        p.setGravity(*job["gravity"])
-        p.setTimeStep(job["step"])
-        flags = p.URDF_USE_INERTIA_FROM_FILE | p.URDF_MAINTAIN_LINK_ORDER
-        self.links: dict[str, tuple[int, int]] = {}
-        self.joints: dict[str, tuple[int, int]] = {}
-        robots: list[tuple[int, str]] = []
-        if job["file"].endswith(".xml"):
-            robots += [(robot, "") for robot in p.loadMJCF(job["file"])]
+        p.setGravity(*self.job["gravity"])
+        p.setTimeStep(self.step)
+        flags = p.URDF_USE_INERTIA_FROM_FILE
+        if file.endswith(".xml"):
+            robots = list(p.loadMJCF(file))
         else:
-            robots.append((p.loadURDF(job["file"], useFixedBase=True, flags=flags), ""))
-        for name, other, pose in separate(job):
-            robot = p.loadURDF(other, pose[:3], pose[3:], flags=flags)
-            robots.append((robot, name))
-        for robot, _ in robots:
-            self.links[p.getBodyInfo(robot)[0].decode()] = (robot, -1)
+            robots = [p.loadURDF(file, useFixedBase=True, flags=flags)]
+        for _, other, pose in separate(file, self.job["placement"]):
+            robots.append(p.loadURDF(other, pose[:3], pose[3:], flags=flags))
+        self.links: dict[str, tuple[int, int]] = {}
+        self.joints = {}
+        for robot in robots:
+            self.links[p.getBodyInfo(robot)[0].decode()] = robot, -1
             for j in range(p.getNumJoints(robot)):
-                info = p.getJointInfo(robot, j)
-                self.links[info[12].decode()] = (robot, j)
-                if info[2] in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
-                    self.joints[info[1].decode()] = (robot, j)
-                    # Replace the motor that brakes every joint by the friction of the file.
-                    friction = info[7]
-                    p.setJointMotorControl2(robot, j, p.VELOCITY_CONTROL, force=friction)
+                told = p.getJointInfo(robot, j)
+                self.links[told[12].decode()] = robot, j
+                if told[2] in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
+                    # Every joint has a motor that holds it: leave it the friction of the file.
+                    p.setJointMotorControl2(robot, j, p.VELOCITY_CONTROL, force=told[7])
+                    self.joints[told[1].decode()] = robot, j, p.getJointState(robot, j)[0]
 
-    def centre(self, robot: int, link: int) -> tuple[Any, Any]:
-        """Position and quaternion of the frame of inertia."""
-        if link < 0:
-            return self.p.getBasePositionAndOrientation(robot)
-        return self.p.getLinkState(robot, link, computeForwardKinematics=True)[:2]
+    def frames(self) -> Iterator[tuple[str, tuple[int, int], Any, Any]]:
+        """Yield name, reference, and position and quaternion of the frame of inertia."""
+        for name, (robot, j) in self.links.items():
+            if j < 0:
+                at, turn = self.p.getBasePositionAndOrientation(robot)
+            else:
+                at, turn = self.p.getLinkState(robot, j, computeForwardKinematics=True)[:2]
+            yield name, (robot, j), at, turn
 
-    def bodies(self) -> Positions:
-        found: Positions = {}
-        for name, (robot, link) in self.links.items():
-            at, turn = self.centre(robot, link)
-            told = self.p.getDynamicsInfo(robot, link)
-            axes = rotation(turn)
-            found[name] = facts(told[0], at, axes @ np.diag(told[2]) @ axes.T)
+    def bodies(self) -> Bodies:
+        found: Bodies = {}
+        for name, link, at, turn in self.frames():
+            told = self.p.getDynamicsInfo(*link)
+            found[name] = facts(told[0], at, rotation_of(turn), np.diag(told[2]))
         return found
 
-    def run(self, experiment: Job, seconds: float) -> Positions:
-        p = self.p
-        self.load()
-        for name, velocity in experiment.get("velocity", {}).items():
-            robot, link = self.links.get(name, (-1, 0))
-            if link < 0 <= robot:
-                p.resetBaseVelocity(robot, linearVelocity=velocity)
-        starts = {n: p.getJointState(*at)[0] for n, at in self.joints.items()}
-        for name, rate in experiment.get("rate", {}).items():
-            if name in self.joints:
-                p.resetJointState(*self.joints[name], starts[name], rate)
-        for _ in range(round(seconds / self.job["step"])):
-            for name, force in experiment.get("force", {}).items():
-                if name in self.links:
-                    robot, link = self.links[name]
-                    at = self.centre(robot, link)[0]
-                    p.applyExternalForce(robot, link, force, at, p.WORLD_FRAME)
-            p.stepSimulation()
-        angles = {n: p.getJointState(*at)[0] - starts[n] for n, at in self.joints.items()}
-        com = {n: list(self.centre(*at)[0]) for n, at in self.links.items()}
-        return {"com": com, "joints": angles}
+    def launch(self, name: str, velocity: list[float]) -> None:
+        robot, j = self.links.get(name, (-1, -1))
+        if robot >= 0 and j < 0:
+            self.p.resetBaseVelocity(robot, linearVelocity=velocity)
+
+    def kick(self, joint: Any, rate: float) -> None:
+        self.p.resetJointState(*joint, rate)
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        for _ in range(steps):
+            for name, link, at, _ in self.frames() if forces else ():
+                if name in forces:
+                    self.p.applyExternalForce(*link, forces[name], at, self.p.WORLD_FRAME)
+            self.p.stepSimulation()
+
+    def centres(self) -> dict[str, Any]:
+        return {name: at for name, _, at, _ in self.frames()}
+
+    def travel(self, joint: Any) -> float:
+        robot, j, start = joint
+        return float(self.p.getJointState(robot, j)[0] - start)
 
 
-class Pinocchio:
-    """pinocchio: rigid-body dynamics without contacts. Joint damping and friction act in ABA here only
-    as the caller adds them.
-    """
+class Pinocchio(Reader):
+    """pinocchio: dynamics without contacts. Joints move by ABA with the friction of the model."""
 
     package = "pin"
 
     def __init__(self, job: Job) -> None:
-        self.pin, self.job = load("pinocchio"), job
-        if job["file"].endswith(".xml"):
-            self.model = self.pin.buildModelFromMJCF(job["file"])
+        self.pin, self.step, file = load("pinocchio"), job["step"], job["file"]
+        if file.endswith(".xml"):
+            self.model = self.pin.buildModelFromMJCF(file)
         else:
-            self.model = self.pin.buildModelFromUrdf(job["file"])
-            for name, other, pose in separate(job):
-                body = self.pin.buildModelFromUrdf(other, self.pin.JointModelFreeFlyer(), f"{name}_free")
+            self.model = self.pin.buildModelFromUrdf(file)
+            free = self.pin.JointModelFreeFlyer()
+            for name, other, pose in separate(file, job["placement"]):
+                body = self.pin.buildModelFromUrdf(other, free, f"{name}_free")
                 place = self.pin.SE3(matrix(pose))
                 self.model = self.pin.appendModel(self.model, body, 0, place)
         self.model.gravity.linear = np.array(job["gravity"])
+        named = zip(self.model.names, self.model.joints, strict=True)
+        self.joints = {str(name): joint for name, joint in named if joint.nv == 1}
+        self.reset()
 
-    def bodies(self) -> Positions:
-        pin, model = self.pin, self.model
+    def bodies(self) -> Bodies:
+        pin, model, found = self.pin, self.model, dict[str, dict[str, Any]]()
         data = model.createData()
         pin.forwardKinematics(model, data, pin.neutral(model))
-        found: Positions = {}
         for frame in model.frames:
             # The first body frame of a joint is its link; others are fixed to it.
             j = frame.parentJoint
             if frame.type == pin.FrameType.BODY and j and frame.placement.isIdentity(1e-9):
                 pose, held = data.oMi[j], model.inertias[j]
-                inertia = pose.rotation @ held.inertia @ pose.rotation.T
-                found.setdefault(frame.name, facts(held.mass, pose.act(held.lever), inertia))
+                com = pose.act(held.lever)
+                found.setdefault(frame.name, facts(held.mass, com, pose.rotation, held.inertia))
         return found
 
-    def run(self, experiment: Job, seconds: float) -> Positions:
-        pin, model, step = self.pin, self.model, self.job["step"]
-        if "rate" not in experiment:
-            return {"com": {}, "joints": {}}
-        data, q, v = model.createData(), pin.neutral(model), np.zeros(model.nv)
-        start = q.copy()
-        joints = {model.names[j]: model.joints[j] for j in range(1, model.njoints)}
-        joints = {name: joint for name, joint in joints.items() if joint.nv == 1}
-        for name, rate in experiment["rate"].items():
-            if name in joints:
-                v[joints[name].idx_v] = rate
-        # Semi-implicit Euler, with the damping and friction that the file gave the model.
-        friction = getattr(model, "upperDryFrictionLimit", np.zeros(model.nv))
-        for _ in range(round(seconds / step)):
-            free = v + step * pin.aba(model, data, q, v, -model.damping * v)
-            pin.crba(model, data, q)
-            inverse = np.diag(np.linalg.inv(data.M + np.triu(data.M, 1).T))
-            v = np.sign(free) * np.maximum(np.abs(free) - step * friction * inverse, 0.0)
-            q = pin.integrate(model, q, step * v)
-        moved = pin.difference(model, start, q)
-        return {"com": {}, "joints": {n: float(moved[j.idx_v]) for n, j in joints.items()}}
+    def reset(self) -> None:
+        self.q, self.v = self.pin.neutral(self.model), np.zeros(self.model.nv)
+
+    def kick(self, joint: Any, rate: float) -> None:
+        self.v[joint.idx_v] = rate
+
+    def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
+        pin, model, data = self.pin, self.model, self.model.createData()
+        friction = self.step * model.upperDryFrictionLimit
+        for _ in range(steps):
+            # Semi-implicit Euler; dry friction takes at most the whole momentum.
+            push = -model.damping * self.v
+            free: Any = self.v + self.step * pin.aba(model, data, self.q, self.v, push)
+            upper: Any = np.triu(pin.crba(model, data, self.q))
+            mass: Any = upper + np.triu(upper, 1).T
+            drag: Any = friction * np.diag(np.linalg.inv(mass))
+            self.v = np.sign(free) * np.maximum(np.abs(free) - drag, 0.0)
+            self.q = pin.integrate(model, self.q, self.step * self.v)
+
+    def travel(self, joint: Any) -> float:
+        moved = self.pin.difference(self.model, self.pin.neutral(self.model), self.q)
+        return float(moved[joint.idx_v])
 
 
-READERS: dict[str, Any] = {
+READERS = {
     "mujoco": MuJoCo,
     "mujoco_warp": Warp,
     "newton": Newton,
@@ -465,7 +537,7 @@ READERS: dict[str, Any] = {
 def run_job(job: Job) -> Job:
     """Run all experiments of a job."""
     reader = READERS[job["reader"]](job)
-    found: Job = {"version": version(re.sub("_", "-", reader.package)), "bodies": reader.bodies()}
+    found: Job = {"version": version(reader.package), "bodies": reader.bodies()}
     found["runs"] = {n: reader.run(e, job["seconds"]) for n, e in job["experiments"].items()}
     return found
 

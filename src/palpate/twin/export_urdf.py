@@ -10,6 +10,7 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -20,11 +21,12 @@ from lxml import etree
 
 from palpate.common.pose import Array, Pose
 from palpate.mjcf.document import Element
-from palpate.mjcf.shapes import mesh_corners
+from palpate.mjcf.shapes import RESTING, mesh_corners
 from palpate.twin.export_facts import (
     GROUND,
     Facts,
     body_name,
+    SHARE,
     collides,
     facts_of,
     geoms_of,
@@ -37,8 +39,8 @@ from palpate.twin.export_readers import Placement, read_spec
 
 MESHES = "meshes"
 PLACEMENT = "placement.json"
-SHARE = 1e-6
-"""Share of a body's mass and inertia in a link between two of its joints."""
+DRAKE = "http://drake.mit.edu"
+"""Namespace of Drake's elements."""
 SHOWN = 2
 """Last group of geoms that is shown, as in MuJoCo's viewer."""
 NOT_SIMPLE = (
@@ -62,11 +64,13 @@ class Written:
     Attributes:
         parts: by link, the count of shapes for each geom that collides.
         notes: contents that URDF cannot state.
+        frictions: (geoms, 2), by `pair_frictions`.
         placement: file and pose of each free body, by its name.
     """
 
     parts: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
     notes: list[str] = field(default_factory=list[str])
+    frictions: Array = field(default_factory=lambda: np.zeros((0, 2)))
     placement: Placement = field(default_factory=dict[str, dict[str, Any]])
 
 
@@ -76,7 +80,7 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
     Readers ignore the origin of a floating joint, or fix it (findings/urdf_floating_origin.sh). All
     bodies, geoms and joints must have names.
     """
-    written = Written()
+    written = Written(frictions=pair_frictions(model))
     # Group the bodies by file: each free body with all below it, and the rest.
     free = [b for b in range(model.nbody) if is_free(model, b)]
     of_scene = [b for b in range(model.nbody) if int(model.body_rootid[b]) not in free]
@@ -106,7 +110,7 @@ def write_bodies(
     model: mujoco.MjModel, bodies: Sequence[int], path: Path, written: Written
 ) -> None:
     """Write one file of bodies, of which the first is the root: links, then the joints."""
-    root = etree.Element("robot", {"name": path.stem})
+    root = etree.Element("robot", {"name": path.stem}, nsmap={"drake": DRAKE})
     for body in bodies:
         add_link(root, model, body, written)
     for body in bodies[1:]:
@@ -160,15 +164,20 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
     return etree.tostring(root, encoding="unicode")
 
 
-def read_urdf(path: Path, written: Written) -> dict[str, Facts]:
-    """Read the files back by MuJoCo, and join the parts of each geom again.
+def read_urdf(path: Path, written: Written) -> mujoco.MjModel:
+    """Read the files back by MuJoCo.
 
     Raises:
         ValueError: MuJoCo does not accept one.
     """
     spec = read_spec(mujoco, str(path), written.placement)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12  # links between two joints
-    found = facts_of(spec.compile())
+    return spec.compile()
+
+
+def facts_of_parts(model: mujoco.MjModel, written: Written) -> dict[str, Facts]:
+    """Facts of a model that was read from URDF, with the parts of each geom joined again."""
+    found = facts_of(model)
     # Several shapes of one geom become the box around all of them.
     for name, facts in found.items():
         joined: list[Array] = []
@@ -190,27 +199,57 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
     # readers compute the mass of a link without it from the shapes.
     inertia = tensor(model.body_inertia[body], model.body_iquat[body])
     com = to_link @ Pose.of(model.body_ipos[body])
-    mass = float(model.body_mass[body])
-    if not mass and model.body_jntnum[body]:
-        # A moving link needs a mass: a share of what it carries, within a centimetre.
-        mass = SHARE * float(model.body_subtreemass[body])
-        inertia = mass * 1e-4 * np.eye(3)
-        written.notes.append(f"the link '{name}' has no mass of its own: {1e6 * mass:.3g} mg")
-    add_inertial(link, com, mass, inertia)
+    add_inertial(link, com, float(model.body_mass[body]), inertia)
     for geom in geoms_of(model, body):
         # Visible and colliding shapes are separate elements.
         insets = [(to_link @ at, kind, size) for at, kind, size in insets_of(model, geom)]
         if model.geom_group[geom] <= SHOWN:
             add_visuals(link, model, geom, insets)
         if collides(model, geom):
+            harmonic, product = written.frictions[geom].tolist()
             for inset in insets:
-                add_shape(link, "collision", inset)
+                shape = add_shape(link, "collision", inset)
+                properties = etree.SubElement(shape, f"{{{DRAKE}}}proximity_properties")
+                for coefficient in ("mu_static", "mu_dynamic"):
+                    tag = f"{{{DRAKE}}}{coefficient}"
+                    etree.SubElement(properties, tag, {"value": _number(harmonic)})
+            # Bullet has one friction for a link: that of its first shape.
+            if link.find("contact") is None:
+                contact = etree.SubElement(link, "contact")
+                etree.SubElement(contact, "lateral_friction", {"value": _number(product)})
             written.parts.setdefault(name, []).append(len(insets))
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             plane = model.geom(geom).name
             written.notes.append(
                 f"the plane '{plane}' is the top of a box, {2 * GROUND[0]:g} m wide"
             )
+
+
+def pair_frictions(model: mujoco.MjModel) -> Array:
+    """Compute (geoms, 2) frictions that act as in MuJoCo on what each geom touches at the start.
+
+    The first is for Drake, which takes 2 a b / (a + b) of two geoms; the second for Bullet, which
+    takes a b. A geom that touches nothing fixed has its own.
+    """
+    found = np.repeat(model.geom_friction[:, :1], 2, axis=1)
+    # A margin lets MuJoCo find what an object does not quite touch.
+    model = copy(model)
+    model.geom_margin[:] = model.body_margin[:] = RESTING
+    data = mujoco.MjData(model)
+    mujoco.mj_fwdPosition(model, data)
+    found_contacts = data.contact
+    for i, geoms in enumerate(found_contacts.geom.tolist()):
+        roots = model.body_rootid[model.geom_bodyid[geoms]].tolist()
+        fixed = [not is_free(model, root) for root in roots]
+        if not any(fixed):
+            continue
+        # MuJoCo has combined the friction of the contact already.
+        acting = float(found_contacts.friction[i, 0]) * (found_contacts.dim[i] > 1)
+        own, support = geoms[::-1] if fixed[0] else geoms
+        theirs = max(float(model.geom_friction[support, 0]), 1e-3)
+        # Solve both rules for the own friction; the harmonic mean is below 2 b.
+        found[own] = acting * theirs / max(2.0 * theirs - acting, 1e-3), acting / theirs
+    return found
 
 
 def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
