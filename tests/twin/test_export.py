@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -13,13 +14,14 @@ import pytest
 
 from palpate.common.errors import InputError, PalpateError, Unavailable
 from palpate.common.parameter import Parameter
-from palpate.estimation.estimate import Estimate
+from palpate.estimation.estimate import Estimate, FurtherValue
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.scene import Scene
 from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
 from palpate.twin import export_urdf as urdf
 from palpate.twin.export import Export, export_twin, require_format
+from palpate.twin.export_check import check_export
 from palpate.twin.export_readers import read_spec
 from palpate.twin.twin import Twin, build_twin
 
@@ -140,6 +142,7 @@ def test_usd_has_masses_frictions_and_shapes(kitchen: Twin, tmp_path: Path) -> N
     made = export(kitchen, "usd", tmp_path)
     assert made.file.name == "scene.usdc"
     assert (made.held, made.lost) == ((MASS, FRICTION), (STIFFNESS,))
+    assert made.acts_in(MASS) == ()
     stage = Usd.Stage.Open(str(made.file))
     mug = next(prim for prim in stage.Traverse() if prim.GetName() == "mug")
     assert UsdPhysics.MassAPI(mug).GetMassAttr().Get() == pytest.approx(0.2541, rel=1e-4)
@@ -151,6 +154,141 @@ def test_usd_has_masses_frictions_and_shapes(kitchen: Twin, tmp_path: Path) -> N
     said = "\n".join(made.notes)
     assert "1 cameras are left out" in said
     assert "ellipsoid" in said
+
+
+def test_usd_states_what_its_readers_follow(tmp_path: Path) -> None:
+    pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
+    from pxr import Usd, UsdPhysics, UsdShade
+
+    text = KITCHEN.replace(
+        'range="0 90"', 'range="0 90" damping="2" frictionloss=".8" stiffness="3"'
+    )
+    text = text.replace('<body name="door"', '<body name="hook" pos="0 0 1"/><body name="door"')
+    static = {"static": FurtherValue(0.55, 0.01)}
+    friction = replace(MEASURED[1], parts=static)
+    twin = build_twin(parse_scene(text), (MEASURED[0], friction), NOTHING, lambda world: [])
+    folder = tmp_path / "made"
+    folder.mkdir()
+    (tmp_path / "scratch").mkdir()
+    made = export_twin(twin, (MEASURED[0], friction), "usd", folder, tmp_path / "scratch")
+    stage = Usd.Stage.Open(str(made.file))
+    prims = {prim.GetDisplayName() or prim.GetName(): prim for prim in stage.Traverse()}
+    # MuJoCo follows the binding for all purposes, where it must find the friction.
+    (shape,) = [p for p in stage.Traverse() if p.GetTypeName() == "Cylinder"]
+    bound = UsdShade.MaterialBindingAPI(shape).GetDirectBinding().GetMaterial()
+    material = UsdPhysics.MaterialAPI(bound)
+    assert material.GetDynamicFrictionAttr().Get() == pytest.approx(0.41, rel=1e-3)
+    assert material.GetStaticFrictionAttr().Get() == pytest.approx(0.55)
+    for prim in stage.Traverse():
+        if prim.HasAPI(UsdPhysics.MaterialAPI):
+            assert UsdPhysics.MaterialAPI(prim).GetStaticFrictionAttr().Get() > 0.0
+    # Newton and PhysX state damping and stiffness per degree.
+    hinge, degree = prims["hinge"], np.pi / 180.0
+    for name, value in (
+        ("newton:friction", 0.8),
+        ("newton:damping", 2.0 * degree),
+        ("physxJointAxis:angular:dynamicFrictionEffort", 0.8),
+        ("physxJointAxis:angular:viscousFrictionCoefficient", 2.0 * degree),
+        ("drive:angular:physics:stiffness", 3.0 * degree),
+        ("mjc:frictionloss", 0.8),
+    ):
+        assert hinge.GetAttribute(name).Get() == pytest.approx(value), name
+    (scene,) = [p for p in stage.Traverse() if p.IsA(UsdPhysics.Scene)]
+    assert scene.GetAttribute("mjc:flag:multiccd").Get() is True
+    assert scene.GetAttribute("mjc:flag:sleep").Get() is False
+    assert "joint_target_ke" in "\n".join(made.notes)
+
+
+def test_urdf_states_joint_forces_and_frictions(tmp_path: Path) -> None:
+    text = KITCHEN.replace(
+        'range="0 90"', 'range="0 90" damping="2" frictionloss=".8" armature=".1"'
+    )
+    made = export(build(parse_scene(text)), "urdf", tmp_path)
+    tree = ElementTree.parse(made.file)
+    (hinge,) = [joint for joint in tree.iter("joint") if joint.get("name") == "hinge"]
+    dynamics = hinge.find("dynamics")
+    assert dynamics is not None
+    assert (dynamics.get("damping"), dynamics.get("friction")) == ("2", "0.8")
+    # Readers compute the mass of a link without one: 8000 kg of the ground.
+    for file in made.file.parent.glob("*.urdf"):
+        for link in ElementTree.parse(file).iter("link"):
+            assert link.find("inertial/mass") is not None, link.get("name")
+    # 2 a b / (a + b) and a b of the mug and its table of 0.7 are the measured 0.41.
+    drake = "{http://drake.mit.edu}"
+    mug = ElementTree.parse(made.file.with_name("mug.urdf"))
+    (mine, *_) = [float(mu.get("value", "")) for mu in mug.iter(f"{drake}mu_dynamic")]
+    assert 2 * mine * 0.7 / (mine + 0.7) == pytest.approx(0.41, rel=1e-3)
+    (bullet,) = mug.iter("lateral_friction")
+    assert float(bullet.get("value", "")) * 0.7 == pytest.approx(0.41, rel=1e-3)
+    assert "the armature of the joint 'hinge' is left out" in made.notes
+
+
+def test_portable_mjcf_has_every_mass_and_no_frames(tmp_path: Path) -> None:
+    text = KITCHEN.replace('<body name="mug"', '<frame pos="0 .1 0"><body name="mug"')
+    text = text.replace('<body name="door"', '</frame><body name="door"')
+    made = export(build(parse_scene(text)), "mjcf", tmp_path)
+    portable = ElementTree.parse(made.file.with_name("portable.xml"))
+    assert list(portable.iter("frame")) == []
+    (mug,) = [body for body in portable.iter("body") if body.get("name") == "mug"]
+    inertial = mug.find("inertial")
+    assert inertial is not None
+    assert float(inertial.get("mass", "")) == pytest.approx(0.2541, rel=1e-4)
+    assert "com follows from shapes of uniform density: mug" in made.notes
+    assert [n for n in made.notes if n.startswith("mug.mass is unknown")] == []
+
+
+UNNAMED = """<mujoco><worldbody><site name="robot_base"/>
+  <body name="table" pos=".5 0 .1"><geom type="box" size=".3 .3 .1"/></body>
+  <body pos=".5 0 .25"><freejoint/>
+    <geom name="mug" type="cylinder" size=".03 .05" mass="?" friction="? .005 .0001" group="3"/></body>
+  <body name="tin" pos=".5 .2 .25"><freejoint/><geom type="cylinder" size=".03 .05"/></body>
+</worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("to", ["mjcf", "urdf", "usd"])
+def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, to: str) -> None:
+    if to == "usd":
+        pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
+    made = export(build(parse_scene(UNNAMED)), to, tmp_path)
+    assert MASS in made.held
+    assert (made.acts_in(MASS) == ("mujoco",)) == (to != "usd")
+    said = "\n".join(made.notes)
+    assert "tin.mass is unknown: the export has MuJoCo's default, 0.2827 kg" in said
+    assert "tin.friction is unknown: the export has MuJoCo's default, 1" in said
+    if to == "mjcf":
+        assert mujoco.MjModel.from_xml_path(str(made.file)).body("mug").mass == pytest.approx(
+            0.2541
+        )
+
+
+def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path) -> None:
+    folder, scratch = tmp_path / "made", tmp_path / "scratch"
+    folder.mkdir()
+    scratch.mkdir()
+    made = export_twin(kitchen, MEASURED, "urdf", folder, scratch, check=True)
+    found = {f.quantity: f for f in made.findings if f.reader.startswith("mujoco 4")}
+    assert {q for q, f in found.items() if f.verdict == "acts"} >= {
+        "mass",
+        "com",
+        "inertia",
+        "swing",
+    }
+    # URDF has no friction, and MuJoCo takes its own of 1.
+    assert found["slide"].verdict == "differs"
+    assert found["slide"].detail.startswith("mug: ")
+    assert next(iter(made.acts_in(MASS))).startswith("mujoco ")
+    assert made.acts_in(FRICTION) == ()
+    with pytest.raises(InputError, match="ranges are no model"):
+        export_twin(kitchen, MEASURED, "randomisation", folder, scratch, check=True)
+
+
+def test_a_reader_that_fails_loses_the_file(kitchen: Twin, tmp_path: Path) -> None:
+    broken = tmp_path / "scene.urdf"
+    broken.write_text("<robot")
+    (tmp_path / "scene.xml").write_text(kitchen.xml)
+    found = check_export(kitchen.mjmodel, tmp_path / "scene.xml", broken, "urdf")
+    assert {(f.quantity, f.verdict) for f in found} == {("file", "lost")}
+    assert all(f.detail for f in found)
 
 
 def test_without_the_extra_usd_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -215,10 +215,12 @@ def compare(
 def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     """Values by quantity and by body or joint. Only moving bodies and undriven joints count."""
     runs, found = result["runs"], dict[str, dict[str, Any]]()
-    moving = {short(model.body(b).name) for b in np.flatnonzero(model.body_weldid).tolist()}
+    # Bodies that move and weigh something; simulators leave out others.
+    counted = np.flatnonzero((model.body_weldid > 0) & (model.body_mass > 0.0)).tolist()
+    moving = {short(model.body(b).name) for b in counted}
     for quantity in ("mass", "com", "inertia"):
         told = result["bodies"].items()
-        found[quantity] = {n: np.array(v[quantity]) for n, v in told if n in moving}
+        found[quantity] = {n: np.array(v[quantity]) for n, v in told if n in moving and n}
     free = {short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)}
     rest = {n: np.array(at) for n, at in runs["rest"]["com"].items() if n in free}
     found["pose"] = rest
@@ -227,9 +229,10 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
             after = runs[quantity]["com"]
             found[quantity] = {n: np.array(after[n]) - at for n, at in rest.items()}
     if "swing" in runs:
+        # A joint without a name in the source cannot be found elsewhere.
         before = runs["rest"]["joints"]
         swung = runs["swing"]["joints"].items()
-        found["swing"] = {n: np.array([angle - before[n]]) for n, angle in swung if n in before}
+        found["swing"] = {n: np.array([angle - before[n]]) for n, angle in swung if n}
     return found
 
 

@@ -1,71 +1,17 @@
-"""Facts about bodies for the comparison of exports, and portable MJCF."""
+"""Bodies and geoms of exported models, and MJCF that fits formats other than MJCF."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, fields
 from pathlib import Path
 
 import mujoco
 import numpy as np
 
 from palpate.common.pose import Array, Pose
-from palpate.mjcf.shapes import mesh_corners, mesh_vertices
+from palpate.mjcf.shapes import mesh_corners
 
-CLOSE = 1e-5
-"""Relative tolerance: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""
-WORLD = "world"
 GROUND = np.array([10.0, 10.0, 0.01])
 """m: half extents of the box whose top represents a plane."""
-CORNERS = np.array([[x, y, z] for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], dtype=float)
-"""Corners (8, 3) of a cube with edges of 2."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Facts:
-    """A body, with its n shapes in the order of the file.
-
-    Attributes:
-        pose: (4, 4) of its frame in the world.
-        mass: (1,) kg.
-        com: (3,) m, in the body's frame.
-        inertia: (3, 3) kg m^2 about the centre of mass, in the body's frame.
-        shape: (n, 2, 3) m, lowest and highest world coordinates of each shape.
-        friction: (k,) sliding coefficients of the shapes that collide and state one.
-    """
-
-    pose: Array
-    mass: Array
-    com: Array
-    inertia: Array
-    shape: Array
-    friction: Array
-
-
-def facts_of(model: mujoco.MjModel, colliding: bool = False) -> dict[str, Facts]:
-    """Collect the bodies of a model in its initial configuration, the world included.
-
-    With `colliding`, only geoms that collide are included.
-    """
-    data = mujoco.MjData(model)
-    mujoco.mj_kinematics(model, data)
-    found: dict[str, Facts] = {}
-    for body in range(model.nbody):
-        touching = [geom for geom in geoms_of(model, body) if collides(model, geom)]
-        # Boxes of the shapes in world axes.
-        boxes: list[Array] = []
-        for geom in touching if colliding else geoms_of(model, body):
-            frame = homogeneous(data.geom_xmat[geom], data.geom_xpos[geom])
-            boxes.append(box_of(model, geom, frame))
-        found[body_name(model, body)] = Facts(
-            homogeneous(data.xmat[body], data.xpos[body]),
-            np.array([model.body_mass[body]]),
-            model.body_ipos[body].copy(),
-            tensor(model.body_inertia[body], model.body_iquat[body]),
-            np.array(boxes).reshape(-1, 2, 3),
-            np.array([float(model.geom_friction[geom, 0]) for geom in touching]),
-        )
-    return found
 
 
 def body_name(model: mujoco.MjModel, body: int) -> str:
@@ -95,14 +41,6 @@ def is_free(model: mujoco.MjModel, body: int) -> bool:
     return joint >= 0 and model.jnt_type[joint] == int(mujoco.mjtJoint.mjJNT_FREE)
 
 
-def homogeneous(rotation: Array, position: Array) -> Array:
-    """Homogeneous transformation (4, 4) of a rotation matrix, (9,) or (3, 3), and a position
-    (3,)."""
-    pose = np.eye(4)
-    pose[:3, :3], pose[:3, 3] = rotation.reshape(3, 3), position
-    return pose
-
-
 def tensor(principal: Array, quaternion: Array) -> Array:
     """Inertia tensor (3, 3), R diag(I) R^T, of principal moments (3,) and the quaternion (4,) of
     their axes.
@@ -111,75 +49,6 @@ def tensor(principal: Array, quaternion: Array) -> Array:
     mujoco.mju_quat2Mat(axes, quaternion)
     rotation = axes.reshape(3, 3)
     return rotation @ np.diag(principal) @ rotation.T
-
-
-def box_of(model: mujoco.MjModel, geom: int, frame: Array) -> Array:
-    # MuJoCo's sizes are radii and half lengths; a capsule is measured to its caps' centres.
-    kind, size = mujoco.mjtGeom(model.geom_type[geom]), model.geom_size[geom]
-    radius, half = float(size[0]), float(size[1])
-    match kind:
-        case mujoco.mjtGeom.mjGEOM_MESH | mujoco.mjtGeom.mjGEOM_SDF:
-            return box_around(frame, mesh_vertices(model, int(model.geom_dataid[geom])))
-        case mujoco.mjtGeom.mjGEOM_PLANE:
-            return plane_box(frame)
-        case mujoco.mjtGeom.mjGEOM_SPHERE:
-            return round_box(frame, radius)
-        case mujoco.mjtGeom.mjGEOM_CAPSULE:
-            return round_box(frame, radius, half)
-        case mujoco.mjtGeom.mjGEOM_CYLINDER:
-            return round_box(frame, radius, half, axes=2)
-        case mujoco.mjtGeom.mjGEOM_ELLIPSOID:
-            return round_box(frame @ np.diag([*size, 1.0]), 1.0)
-        case _:
-            return box_around(frame, CORNERS * size)
-
-
-def box_around(frame: Array, points: Array) -> Array:
-    """Box (2, 3) around points (n, 3) of a frame (4, 4), which may be stretched."""
-    there = points @ frame[:3, :3].T + frame[:3, 3]
-    return np.array([there.min(axis=0), there.max(axis=0)])
-
-
-def round_box(frame: Array, radius: float, half: float = 0.0, axes: int = 3) -> Array:
-    """Box (2, 3) of a capsule with that half length along z.
-
-    A half length of 0 gives a ball, two `axes` a cylinder. The frame may be stretched.
-    """
-    # Support function of the shape along the world axes: segment plus ball or disc.
-    reach = half * np.abs(frame[:3, 2]) + radius * np.linalg.norm(frame[:3, :axes], axis=1)
-    return np.array([frame[:3, 3] - reach, frame[:3, 3] + reach])
-
-
-def plane_box(frame: Array) -> Array:
-    """Box (2, 3) around the box that represents an infinite plane."""
-    return box_around(frame, CORNERS * GROUND - [0.0, 0.0, GROUND[2]])
-
-
-def differences(
-    twin: Mapping[str, Facts], made: Mapping[str, Facts], friction: bool = True
-) -> Iterator[tuple[str, str]]:
-    """Yield the bodies of the twin that differ in an export, each with a description.
-
-    `friction` is true if the format has friction.
-    """
-    for name, facts in twin.items():
-        other = made.get(name)
-        if other is None:
-            yield name, "it is missing"
-            continue
-        for what in (each.name for each in fields(Facts)):
-            of_mass = what in ("mass", "com", "inertia")
-            if (of_mass and not facts.mass[0] > 0.0) or (what == "friction" and not friction):
-                continue
-            mine, its = getattr(facts, what), getattr(other, what)
-            if mine.shape != its.shape:
-                yield name, f"its {what} has {its.size} numbers instead of {mine.size}"
-                continue
-            # A small number in an array of large ones has their absolute precision.
-            least = max(CLOSE * float(np.abs(mine).max(initial=0.0)), 1e-15)
-            if not np.allclose(its, mine, CLOSE, least):
-                i = int(np.argmax(np.abs(its - mine)))
-                yield name, f"its {what} has {its.flat[i]:.8g} instead of {mine.flat[i]:.8g}"
 
 
 # Models whose bodies, masses and shapes fit formats other than MJCF.
@@ -223,7 +92,9 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
             body.explicitinertial, body.ipos = True, np.zeros(3)
             body.mass = SHARE * model.body_subtreemass[body.id]
             body.inertia = np.full(3, body.mass * SPREAD**2)
-            notes.append(f"'{body.name}' has no mass of its own: it weighs {1e6 * body.mass:.3g} mg")
+            notes.append(
+                f"'{body.name}' has no mass of its own: it weighs {1e6 * body.mass:.3g} mg"
+            )
     # Replace ellipsoids by meshes, and remove height fields.
     for geom in list(spec.geoms):  # a copy: geoms are deleted on the way
         if geom.type == mujoco.mjtGeom.mjGEOM_ELLIPSOID:

@@ -250,7 +250,7 @@ class Newton(Reader):
         named = enumerate(map(short, model.joint_label))
         self.joints = {name: j for j, name in named if types[j] in single}
         free = np.flatnonzero(types == int(kinds.FREE))
-        self.free = {self.labels[children[j]]: int(j) for j in free}
+        self.free: dict[str, int] = {self.labels[children[j]]: int(j) for j in free}
         self.reset()
 
     def bodies(self) -> Bodies:
@@ -409,10 +409,9 @@ class Bullet(Reader):
         p.setGravity(*self.job["gravity"])
         p.setTimeStep(self.step)
         flags = p.URDF_USE_INERTIA_FROM_FILE
-        if file.endswith(".xml"):
-            robots = list(p.loadMJCF(file))
-        else:
-            robots = [p.loadURDF(file, useFixedBase=True, flags=flags)]
+        is_mjcf = file.endswith(".xml")
+        robots = [] if is_mjcf else [p.loadURDF(file, useFixedBase=True, flags=flags)]
+        robots += p.loadMJCF(file) if is_mjcf else ()
         for _, other, pose in separate(file, self.job["placement"]):
             robots.append(p.loadURDF(other, pose[:3], pose[3:], flags=flags))
         self.links: dict[str, tuple[int, int]] = {}
@@ -515,7 +514,7 @@ class Pinocchio(Reader):
             free: Any = self.v + self.step * pin.aba(model, data, self.q, self.v, push)
             upper: Any = np.triu(pin.crba(model, data, self.q))
             mass: Any = upper + np.triu(upper, 1).T
-            drag: Any = friction * np.diag(np.linalg.inv(mass))
+            drag: Any = friction * load("numpy").linalg.inv(mass).diagonal()
             self.v = np.sign(free) * np.maximum(np.abs(free) - drag, 0.0)
             self.q = pin.integrate(model, self.q, self.step * self.v)
 

@@ -11,7 +11,7 @@ import json
 import re
 from collections.abc import Iterable, Sequence
 from copy import copy
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -24,18 +24,15 @@ from palpate.mjcf.document import Element
 from palpate.mjcf.shapes import RESTING, mesh_corners
 from palpate.twin.export_facts import (
     GROUND,
-    Facts,
-    body_name,
     SHARE,
+    body_name,
     collides,
-    facts_of,
     geoms_of,
-    homogeneous,
     is_free,
     tensor,
     write_stl,
 )
-from palpate.twin.export_readers import Placement, read_spec
+from palpate.twin.export_readers import Placement
 
 MESHES = "meshes"
 PLACEMENT = "placement.json"
@@ -62,13 +59,11 @@ class Written:
     """Result of writing a model as URDF.
 
     Attributes:
-        parts: by link, the count of shapes for each geom that collides.
         notes: contents that URDF cannot state.
         frictions: (geoms, 2), by `pair_frictions`.
         placement: file and pose of each free body, by its name.
     """
 
-    parts: dict[str, list[int]] = field(default_factory=dict[str, list[int]])
     notes: list[str] = field(default_factory=list[str])
     frictions: Array = field(default_factory=lambda: np.zeros((0, 2)))
     placement: Placement = field(default_factory=dict[str, dict[str, Any]])
@@ -126,17 +121,6 @@ def link_offset(model: mujoco.MjModel, body: int) -> Pose:
     return Pose.of(model.jnt_pos[model.body_jntadr[body] + model.body_jntnum[body] - 1])
 
 
-def link_facts(model: mujoco.MjModel) -> dict[str, Facts]:
-    """Facts of a model as its links have them."""
-    found = facts_of(model, colliding=True)
-    for body in range(model.nbody):
-        name, offset = body_name(model, body), link_offset(model, body)
-        facts = found[name]
-        pose = facts.pose @ homogeneous(offset.rotation, offset.position)
-        found[name] = replace(facts, pose=pose, com=facts.com - offset.position)
-    return found
-
-
 def urdf_to_look_at(model: mujoco.MjModel) -> str:
     """Write links, joints and visible shapes of a model into one text.
 
@@ -162,33 +146,6 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
         way = Pose.of(model.body_pos[body], model.body_quat[body])
         add_joint(root, f"{names[1]}_mount", kind, names, way)
     return etree.tostring(root, encoding="unicode")
-
-
-def read_urdf(path: Path, written: Written) -> mujoco.MjModel:
-    """Read the files back by MuJoCo.
-
-    Raises:
-        ValueError: MuJoCo does not accept one.
-    """
-    spec = read_spec(mujoco, str(path), written.placement)
-    spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12  # links between two joints
-    return spec.compile()
-
-
-def facts_of_parts(model: mujoco.MjModel, written: Written) -> dict[str, Facts]:
-    """Facts of a model that was read from URDF, with the parts of each geom joined again."""
-    found = facts_of(model)
-    # Several shapes of one geom become the box around all of them.
-    for name, facts in found.items():
-        joined: list[Array] = []
-        first = 0
-        for number in written.parts.get(name, []):
-            parts = facts.shape[first : first + number]
-            joined.append(np.array([parts[:, 0].min(axis=0), parts[:, 1].max(axis=0)]))
-            first += number
-        shape = np.array([*joined, *facts.shape[first:]]).reshape(-1, 2, 3)
-        found[name] = replace(facts, shape=shape)
-    return found
 
 
 def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
@@ -217,7 +174,6 @@ def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) 
             if link.find("contact") is None:
                 contact = etree.SubElement(link, "contact")
                 etree.SubElement(contact, "lateral_friction", {"value": _number(product)})
-            written.parts.setdefault(name, []).append(len(insets))
         if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_PLANE:
             plane = model.geom(geom).name
             written.notes.append(

@@ -1,4 +1,4 @@
-"""USD of a model by `mujoco-usd-converter`, completed for the readers of USD, and read back."""
+"""USD of a model by `mujoco-usd-converter`, completed for the readers of USD."""
 
 from __future__ import annotations
 
@@ -11,17 +11,8 @@ import mujoco
 import numpy as np
 
 from palpate.common.errors import Unavailable
-from palpate.common.pose import Array
-from palpate.twin.export_facts import (
-    CORNERS,
-    WORLD,
-    Facts,
-    box_around,
-    plane_box,
-    round_box,
-    tensor,
-)
 
+WORLD = "world"
 SCENE_PRIM = "PhysicsScene"
 """Name of the prim of the options, where the converter writes none."""
 
@@ -100,6 +91,12 @@ def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]
                 physics.ArticulationRootAPI.Apply(prim)
         elif prim.IsA(physics.RevoluteJoint) or prim.IsA(physics.PrismaticJoint):
             state_joint(prim, model)
+    # The converter must have kept every mass.
+    kept = {name_of(p): physics.MassAPI(p).GetMassAttr().Get() for p in stage.Traverse()}
+    for body in range(1, model.nbody):
+        mass, found = float(model.body_mass[body]), kept.get(model.body(body).name)
+        if mass and not np.isclose(found or 0.0, mass, rtol=1e-5):
+            raise ValueError(f"the mass of '{model.body(body).name}' is {found}, not {mass:.8g} kg")
     stage.GetRootLayer().Save()
 
 
@@ -180,48 +177,9 @@ def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
             yield f"{len(things)} {kind} are left out"
 
 
-def read_usd(path: Path) -> dict[str, Facts]:
-    """Read the rigid bodies and colliders of a stage."""
-    geometry, physics = _module("pxr.UsdGeom"), _module("pxr.UsdPhysics")
-    # Collect the bodies and their shapes in one traversal.
-    stage = _module("pxr.Usd").Stage.Open(str(path))
-    # Assign each shape to the nearest rigid body above it, else to the world.
-    shapes: dict[str, list[Array]] = {WORLD: []}
-    frictions: dict[str, list[float]] = {WORLD: []}
-    bodies: dict[str, Any] = {}
-    for prim in stage.Traverse():
-        if prim.HasAPI(physics.RigidBodyAPI):
-            bodies[name_of(prim)] = prim
-            shapes[name_of(prim)], frictions[name_of(prim)] = [], []
-        elif prim.IsA(geometry.Gprim) and not is_guide(prim):
-            name = owner_name(prim)
-            shapes[name].append(box_of(prim, frame_of(prim)))
-            friction = friction_of(prim)
-            if friction is not None:
-                frictions[name].append(friction)
-    # Read pose, mass, centre and inertia of each body.
-    found: dict[str, Facts] = {}
-    for name, boxes in shapes.items():
-        pose, mass, com, inertia = np.eye(4), 0.0, np.zeros(3), np.zeros((3, 3))
-        if name in bodies:
-            stated = physics.MassAPI(bodies[name])
-            pose, mass = frame_of(bodies[name]), float(stated.GetMassAttr().Get() or 0.0)
-            # A body without mass states nothing else.
-            if mass > 0.0:
-                axes = stated.GetPrincipalAxesAttr().Get()
-                diagonal = np.array(stated.GetDiagonalInertiaAttr().Get(), dtype=float)
-                com = np.array(stated.GetCenterOfMassAttr().Get(), dtype=float)
-                inertia = tensor(diagonal, np.array([axes.GetReal(), *axes.GetImaginary()]))
-        shape = np.array(boxes).reshape(-1, 2, 3)
-        friction = np.array(frictions[name])
-        found[name] = Facts(pose, np.array([mass]), com, inertia, shape, friction)
-    return found
-
-
-def is_guide(prim: Any) -> bool:
-    """True for a site. A collider of a hidden group is a guide as well."""
-    purpose = str(_module("pxr.UsdGeom").Gprim(prim).GetPurposeAttr().Get())
-    return purpose == "guide" and not prim.HasAPI(_module("pxr.UsdPhysics").CollisionAPI)
+def name_of(prim: Any) -> str:
+    """MuJoCo's name of a prim. USD's own names allow fewer characters."""
+    return str(prim.GetDisplayName() or prim.GetName())
 
 
 def owner_name(prim: Any) -> str:
@@ -232,47 +190,3 @@ def owner_name(prim: Any) -> str:
             return name_of(owner)
         owner = owner.GetParent()
     return WORLD
-
-
-def name_of(prim: Any) -> str:
-    """MuJoCo's name of a prim. USD's own names allow fewer characters."""
-    return str(prim.GetDisplayName() or prim.GetName())
-
-
-def frame_of(prim: Any) -> Array:
-    """Frame (4, 4) in the world, stretched by the prim's scale."""
-    cache = _module("pxr.UsdGeom").XformCache()
-    # Transpose: USD multiplies row vectors from the left.
-    return np.array(cache.GetLocalToWorldTransform(prim), dtype=float).T
-
-
-def box_of(prim: Any, frame: Array) -> Array:
-    def number(attribute: str) -> float:
-        return float(prim.GetAttribute(attribute).Get())
-
-    match str(prim.GetTypeName()):
-        case "Mesh":
-            return box_around(frame, np.array(prim.GetAttribute("points").Get(), dtype=float))
-        case "Plane":
-            return plane_box(frame)
-        case "Cube":
-            return box_around(frame, CORNERS * number("size") / 2)
-        case "Sphere":
-            return round_box(frame, number("radius"))
-        case "Capsule":
-            return round_box(frame, number("radius"), number("height") / 2)
-        case _:
-            return round_box(frame, number("radius"), number("height") / 2, axes=2)
-
-
-def friction_of(prim: Any) -> float | None:
-    """Friction of the physics material; None if a shape does not collide, or has none."""
-    physics, shade = _module("pxr.UsdPhysics"), _module("pxr.UsdShade")
-    if not prim.HasAPI(physics.CollisionAPI):
-        return None
-    if physics.CollisionAPI(prim).GetCollisionEnabledAttr().Get() is False:
-        return None
-    # Read the dynamic friction of the bound physics material.
-    material, _ = shade.MaterialBindingAPI(prim).ComputeBoundMaterial("physics")
-    value = physics.MaterialAPI(material).GetDynamicFrictionAttr().Get() if material else None
-    return None if value is None else float(value)
