@@ -6,6 +6,7 @@ import json
 import shutil
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from xml.etree import ElementTree
 
 import mujoco
@@ -20,6 +21,7 @@ from palpate.scene.scene import Scene
 from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
 from palpate.twin import export_urdf as urdf
+from palpate.twin import export_usd
 from palpate.twin.export import Export, export_twin, require_format
 from palpate.twin.export_check import check_export
 from palpate.twin.export_readers import read_spec
@@ -297,6 +299,14 @@ def test_without_the_extra_usd_says_what_to_install(monkeypatch: pytest.MonkeyPa
         require_format("usd")
     with pytest.raises(InputError, match="valid: mjcf, urdf, usd"):
         require_format("sdf")
+
+
+def test_a_shadowed_library_is_named(monkeypatch: pytest.MonkeyPatch) -> None:
+    both = [SimpleNamespace(metadata={"Name": name}) for name in ("usd-core", "usd-exchange")]
+    monkeypatch.setattr(export_usd, "distributions", lambda: both)
+    monkeypatch.setitem(__import__("sys").modules, "mujoco_usd_converter", None)
+    with pytest.raises(Unavailable, match="usd-core shadows it: pip uninstall usd-core"):
+        require_format("usd")
 
 
 def test_a_wrong_number_in_what_was_written_is_an_error(

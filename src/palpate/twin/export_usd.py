@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import importlib
 from collections.abc import Iterator, Mapping
+from importlib.metadata import distributions
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +27,13 @@ def require_usd() -> None:
     try:
         _module("mujoco_usd_converter")
     except ImportError as error:
+        names = {str(each.metadata["Name"]).lower() for each in distributions()}
+        if {"usd-core", "usd-exchange"} <= names:
+            # Both install the module pxr: the last one wins.
+            raise Unavailable(
+                "USD needs usd-exchange, and usd-core shadows it: pip uninstall usd-core, then "
+                "pip install --force-reinstall --no-deps usd-exchange"
+            ) from None
         raise Unavailable(
             f"USD needs a converter ({error.name} is not installed): pip install 'palpate[export]', "
             "on Python 3.11 or 3.12"
