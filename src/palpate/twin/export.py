@@ -242,8 +242,10 @@ def _mjcf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list
 
 
 def without_frames(xml: str) -> str:
-    """Replace each `<frame>` by its content, in the frame's place."""
+    """Replace each `<frame>` by its content, in the frame's place, and drop the records."""
     root = parse_xml(xml, PORTABLE)
+    # The records stay in the scene itself; MuJoCo writes long ones as character data.
+    etree.strip_elements(root, "custom")
 
     def pose_of(element: Element) -> Pose:
         position = [float(part) for part in tokens(element.get("pos") or "0 0 0")]
