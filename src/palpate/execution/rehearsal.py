@@ -83,18 +83,6 @@ class Rehearsal:
         )
 
 
-@dataclass(frozen=True, slots=True)
-class _Attempt:
-    """Outcome of a rehearsal in one world, small enough to be sent between processes."""
-
-    actions: int
-    robot_seconds: float
-    peak_force: float
-    harm: tuple[str, str] | None  # path of a leaf and the harm that it did, None for a harmless run
-    stop: tuple[str, str] | None  # path of a leaf and the reason why the run stopped there
-    foresight: Foresight  # final poses of the objects after each leaf
-
-
 class TimePrediction:
     """Prediction of the robot time of a whole plan from its motions so far.
 
@@ -143,18 +131,14 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         Beside(lambda: [_attempt(plan, scene, seed) for seed in seeds]) as beside,
     ):
         believed = _attempt(plan, scene, 0)
-        failure = believed.harm or believed.stop
-        drawn = [] if failure else beside.result()
+        drawn = [] if believed.failure else beside.result()
     # A drawn world may add a harm. Its observed weights widen the foresight.
-    failure = failure or next((other.harm for other in drawn if other.harm), None)
-    path, reason = failure or ("tree", None)
-    return Rehearsal(
-        believed.actions,
-        believed.robot_seconds,
-        believed.peak_force,
-        reason,
+    worst = next((other for other in drawn if other.failure), believed)
+    return replace(
+        believed,
+        failure=worst.failure,
+        path=worst.path,
         draws=1 + len(drawn),
-        path=path,
         foresight=believed.foresight.among(*(other.foresight for other in drawn)),
     )
 
@@ -180,8 +164,8 @@ def _subject(value: object, scene: Scene) -> set[str]:
     return {value, scene.symbols.subjects.get(place, place)}
 
 
-def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
-    """Rehearse in one world, the believed one for seed 0."""
+def _attempt(plan: Plan, scene: Scene, seed: int) -> Rehearsal:
+    """Rehearse in one world, the believed one for seed 0. In others, only a harm is a failure."""
     # A simulated robot in the drawn or believed world, observed by a witness.
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
@@ -223,16 +207,19 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> _Attempt:
     # Largest external force at the TCP over the whole run.
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
-    return _Attempt(done.actions, done.robot_seconds, peak, harmed, stop, look.foresight)
+    path, failure = harmed or (None if seed else stop) or ("tree", None)
+    return Rehearsal(
+        done.actions, done.robot_seconds, peak, failure, path=path, foresight=look.foresight
+    )
 
 
-def _attempt_in_unrest(what: str | None) -> _Attempt:
+def _attempt_in_unrest(what: str | None) -> Rehearsal:
     """Outcome in a world in which `what` moves while the arm rests; harmless for None."""
     why = what and (
         f"{what} while the arm rests: the scene does not settle; state it as it stands, and give what rolls "
         'condim="6" and rolling friction, or lay it against something'
     )
-    return _Attempt(0, 0.0, 0.0, ("tree", why) if why else None, None, Foresight())
+    return Rehearsal(0, 0.0, 0.0, why)
 
 
 def _is_harming(witness: Witness, named: Collection[str]) -> bool:
