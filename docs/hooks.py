@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import json
 import runpy
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from importlib import reload
 from pathlib import Path
 from typing import Any
@@ -46,7 +46,17 @@ def on_post_page(output: str, **_: Any) -> str:
 def _commands() -> str:
     command = typer.main.get_command(app)
     context = typer.Context(command, info_name="palpate")
-    return get_docs_for_click(obj=command, ctx=context, name="palpate", title="The command line")
+    text = get_docs_for_click(obj=command, ctx=context, name="palpate", title="The command line")
+    # Typer cuts the summaries in the lists of commands at 45 characters.
+    for inner in _inner_commands(command):
+        text = text.replace(inner.get_short_help_str(), inner.get_short_help_str(limit=200))
+    return text
+
+
+def _inner_commands(command: Any) -> Iterator[Any]:
+    for inner in getattr(command, "commands", {}).values():
+        yield inner
+        yield from _inner_commands(inner)
 
 
 def _page(name: str) -> Callable[..., str]:

@@ -46,11 +46,17 @@ def _parts(words: Vocabulary) -> Iterator[str]:
         yield f"| `{rule}` | {text} |"
 
 
+def _escape(text: str) -> str:
+    """Escape asterisks outside code, which Markdown reads as emphasis."""
+    parts = text.split("`")
+    return "`".join(part if n % 2 else part.replace("*", "\\*") for n, part in enumerate(parts))
+
+
 def _primitive(name: str, cls: type[Primitive]) -> Iterator[str]:
     yield f"### {name}\n"
     yield f"{cls.summary()}\n"
     for field, info in cls.model_fields.items():
-        yield f"- `{field}`: {info.description}"
+        yield f"- `{field}`: {_escape(info.description or '')}"
     if cls.claims:
         yield f"- claims the {' and the '.join(sorted(cls.claims))}"
     if cls.reads:

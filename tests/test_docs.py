@@ -51,6 +51,7 @@ def test_what_a_page_links_to_is_there(page: Path) -> None:
 
 def test_the_vocabulary_page_has_every_primitive_quantity_purpose_and_rule() -> None:
     text = runpy.run_path(str(DOCS / "vocabulary_page.py"))["page"](vocabulary())
+    assert r"NAME (± [factor \*] OFFSET)\*" in text, "asterisks outside code are no emphasis"
     names = {*vocabulary().primitives, *vocabulary().composites}
     assert names <= set(re.findall(r"^### (\w+)", text, re.MULTILINE))
     assert {*catalogue(), *RULES} <= set(re.findall(r"^\| `([\w-]+)`", text, re.MULTILINE))
