@@ -55,7 +55,7 @@ PRINTED = {
         r"lifts [\d.]+ kg, 12 actions\n<mug\.mass = ",
     ),
     "10_own_estimator": (r"truth: +0\.\d+", r"palpate: +<mug\.mass", r"bare mean: <mug\.mass"),
-    "11_soft_mat": (r"<mat\.stiffness = \d+", r"gives way by .* as measured", r"solref=\"-\d+"),
+    "11_soft_mat": (r"<mat\.stiffness = \d+", r"yields by .* as measured", r"solref=\"-\d+"),
     "12_prove": (r"mug +topple +[\d.]+ N +[+-][\d.]+ N +[+-]0\.0\d\d N",),
     "13_drawer": (
         r"<drawer\.frictionloss = [\d.]+ ± [\d.]+ N, 95 % \[[\d., ]+\], identified, simulated>",

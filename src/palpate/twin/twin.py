@@ -138,7 +138,7 @@ def build_twin(
                 note += f"; the twin holds {as_text(held.values)} {held.unit}, the mean of the possible values"
             notes.append(note)
     notes += pair_notes(scene, written)
-    notes += [felt_note(scene, estimate) for estimate in on_the_way]
+    notes += [size_note(scene, estimate) for estimate in on_the_way]
     notes += made.notes
     # The twin is complete without a simulation, if that fails.
     document = scene.resolved.document
@@ -173,15 +173,15 @@ def pair_notes(scene: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
                 )
 
 
-def felt_note(scene: Scene, felt: Estimate) -> str:
+def size_note(scene: Scene, size: Estimate) -> str:
     """Note a size that was measured without a request, and the scene's size."""
-    before = scene.body(felt.parameter.object).size
-    told = [i for i in range(len(felt.values)) if i not in felt.unseen]
+    before = scene.body(size.parameter.object).size
+    measured = [i for i in range(len(size.values)) if i not in size.unseen]
     parts = [
-        f"{1e3 * felt.values[i]:.1f} ± {1e3 * felt.stds[i]:.1f} mm along {'xyz'[i]} for {1e3 * before[i]:.1f}"
-        for i in told
+        f"{1e3 * size.values[i]:.1f} ± {1e3 * size.stds[i]:.1f} mm along {'xyz'[i]} for {1e3 * before[i]:.1f}"
+        for i in measured
     ]
-    return f"{felt.parameter} was measured in the run: {', '.join(parts)}; it is in the twin"
+    return f"{size.parameter} was measured in the run: {', '.join(parts)}; it is in the twin"
 
 
 def touch(

@@ -133,13 +133,13 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
         )
     # Report the other invalid arguments node by node.
     for path, node in case.form.nodes.items():
-        told = {name for name, paths in strange.items() if path in paths}
+        reported = {name for name, paths in strange.items() if path in paths}
         if path in case.form.refused:
-            for problem in argument_problems(case, node.type, case.form.refused[path], told):
+            for problem in argument_problems(case, node.type, case.form.refused[path], reported):
                 yield path, problem
         elif node.type in case.words.composites:
             # A composite takes children and a name only.
-            given = ", ".join(repr(key[:40]) for key, _ in node.args if key not in told)
+            given = ", ".join(repr(key[:40]) for key, _ in node.args if key not in reported)
             meant = "" if node.children else "; did you mean 'children'?"
             if given:
                 yield path, f"{node.type} takes only 'children' and 'name', not {given}{meant}"
@@ -165,9 +165,12 @@ def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
 
 
 def argument_problems(
-    case: CheckedPlan, name: str, error: ValidationError | TypeError, told: Set[str] = frozenset()
+    case: CheckedPlan,
+    name: str,
+    error: ValidationError | TypeError,
+    reported: Set[str] = frozenset(),
 ) -> Iterator[str]:
-    """Describe the first three invalid arguments of a primitive, except those in `told`."""
+    """Describe the first three invalid arguments of a primitive, except those in `reported`."""
     if isinstance(error, TypeError):
         yield f"the arguments of {name} have no valid names"
         return
@@ -175,7 +178,7 @@ def argument_problems(
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
     every = error.errors(include_url=False)
-    problems = [one for one in every if told.isdisjoint(map(str, one["loc"][:1]))][:3]
+    problems = [one for one in every if reported.isdisjoint(map(str, one["loc"][:1]))][:3]
     lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
     # One undeclared argument and one missing: most likely the name is misspelt.
     misspelt = len(lacking) == 1 and any(one["type"] == "extra_forbidden" for one in problems)
