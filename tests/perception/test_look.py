@@ -66,7 +66,7 @@ def test_errors_are_as_large_as_the_covariance_says(known: bool) -> None:
 
 def test_a_tag_that_is_elsewhere_is_refused() -> None:
     found, truth = drawn_look(np.random.default_rng(2), LENS, mount(), 0.2, shifted=1)
-    assert found.refused == (1,)
+    assert found.outliers.tags == (1,)
     assert found.poses["box"].distance_to(truth) < 0.005
 
 

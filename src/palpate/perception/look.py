@@ -313,8 +313,7 @@ def things_of(scene: Scene) -> dict[str, UnknownBody]:
 
 def _said(found: Solution, tags: Mapping[int, SceneTag]) -> list[str]:
     """Messages on the rejected data of a fit."""
-    said = [
-        f"tag {number} on '{tags[number].body}' does not fit the others" for number in found.refused
-    ]
-    said += [f"the estimate of '{name}' contradicts its tags" for name in found.doubted]
-    return said + [f"'{name}' does not stand as the scene has it" for name in found.tilted]
+    odd = found.outliers
+    said = [f"tag {number} on '{tags[number].body}' does not fit the others" for number in odd.tags]
+    said += [f"the estimate of '{name}' contradicts its tags" for name in odd.estimates]
+    return said + [f"'{name}' does not stand as the scene has it" for name in odd.leaning]

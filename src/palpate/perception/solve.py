@@ -121,9 +121,7 @@ class Solution:
     pose_world_camera: Pose  # in OpenCV's frame
     zoom: float  # ratio of the fitted focal length to that of the lens
     noise: float  # estimated standard deviation of a corner coordinate, pixels
-    refused: tuple[int, ...]  # outlying tags
-    tilted: tuple[str, ...]  # bodies that violate the prior of their support
-    doubted: tuple[str, ...]  # bodies whose external estimate contradicts their tags
+    outliers: Outliers  # rejected data
 
 
 def solve(problem: Problem) -> Solution:
@@ -302,16 +300,8 @@ class _LookFit:
             block = self.covariance[part, part]
             covariances[name] = block if len(block) == 6 else np.diag([0, 0, block[0, 0], 0, 0, 0])
         camera = move_pose(self.camera, self.at[:6])
-        return Solution(
-            poses,
-            covariances,
-            camera,
-            float(np.exp(self.at[6])),
-            float(self.noise),
-            given_up.tags,
-            given_up.leaning,
-            given_up.estimates,
-        )
+        zoom, noise = float(np.exp(self.at[6])), float(self.noise)
+        return Solution(poses, covariances, camera, zoom, noise, given_up)
 
 
 def move_pose(pose: Pose, step: Array) -> Pose:
