@@ -94,6 +94,11 @@ def read_proposal(text: bytes) -> Proposal:
     """Read a plan from a file's content: JSON alone, or embedded in prose; an `InputError` without a plan."""
     from palpate.planning.model.answer import read_answer
 
+    if text.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and b"BTCPP_format" in text[:10_000]:
+        raise InputError(
+            "this is a behavior tree of BT.CPP (XML), which palpate writes but does not read; give the "
+            "plan.json beside it, or the folder of the run"
+        )
     try:
         return read_answer(text.decode("utf-8-sig"))
     except UnicodeDecodeError:

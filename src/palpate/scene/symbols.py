@@ -33,6 +33,10 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.pose import Array, Pose, PoseLine
 from palpate.scene.poses import Poses
 
+# Words in names that models give to a pose above an object.
+_ABOVE = frozenset(
+    ["lift", "lifted", "above", "over", "hover", "approach", "pre", "pregrasp", "retreat", "raised", "up", "high"]
+)
 MAX_EXPRESSION = 200  # Largest number of characters of a pose expression
 # m, offsets at poses without an object.
 DEFAULT_OFFSETS: Mapping[str, tuple[float, float, float]] = {
@@ -297,8 +301,13 @@ class Symbols:
         longest = max(of, key=len, default=None)
         # Suggest a pose of the body with the longest matching name.
         own = [known for known, subject in self.subjects.items() if subject == longest]
-        meant = get_close_matches(name[:80], own, n=1, cutoff=0.0)
-        return unknown_name("pose", name, self.names, meant=next(iter(meant), None))
+        meant = next(iter(get_close_matches(name[:80], own, n=1, cutoff=0.0)), None)
+        # A name of a pose above the object keeps its intent: "mug_lift_pose".
+        above = not _ABOVE.isdisjoint(name.removeprefix(f"{longest}_").split("_"))
+        if above and f"{longest}_pose" in own and "z_offset" in self.offsets:
+            meant = f"{longest}_pose + z_offset"
+        hint = "Other objects have poses, too." if own and len(own) < len(self.names) else ""
+        return unknown_name("pose", name, own or self.names, hint, meant)
 
     @cached_property
     def _aliases(self) -> dict[str, str]:

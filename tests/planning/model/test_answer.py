@@ -9,6 +9,7 @@ from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.planning.model.answer import MAX_ATTEMPTS, json_objects, read_answer
 from palpate.planning.plan import MAX_BYTES
+from palpate.planning.registry import read_proposal
 from palpate.scene.detections import SceneObject
 
 PLAN = {
@@ -159,3 +160,25 @@ def test_detected_objects_are_read_with_the_plan() -> None:
 def test_detected_objects_of_another_form_are_refused(seen: object) -> None:
     with pytest.raises(InputError, match="scene"):
         read_answer(json.dumps(PLAN | {"scene": seen}))
+
+
+@pytest.mark.parametrize(
+    "reply",
+    [
+        {"id": "x", "choices": [{"message": {"role": "assistant", "content": TEXT}}]},
+        {"model": "m", "message": {"role": "assistant", "content": TEXT}, "done": True},
+        {"type": "message", "content": [{"type": "text", "text": TEXT}]},
+        {"candidates": [{"content": {"parts": [{"text": TEXT}]}}]},
+    ],
+)
+def test_a_saved_reply_of_an_api_is_read(reply: object) -> None:
+    assert read_answer(json.dumps(reply)).plan == read_answer(TEXT).plan
+
+
+def test_an_escape_of_markdown_is_read() -> None:
+    assert read_answer(TEXT.replace("cup_pose", r"cup\_pose")).plan == read_answer(TEXT).plan
+
+
+def test_a_behavior_tree_in_xml_is_told_from_a_plan() -> None:
+    with pytest.raises(InputError, match="give the plan\\.json beside it"):
+        read_proposal(b'<?xml version="1.0"?>\n<root BTCPP_format="4"><BehaviorTree/></root>')

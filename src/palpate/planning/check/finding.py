@@ -142,9 +142,9 @@ def cause(finding: Finding) -> Hashable:
 def line(finding: Finding, paths: Iterable[str]) -> str:
     """Format a finding with its further paths."""
     others = [path for path in dict.fromkeys(paths) if path != finding.path]
-    text = f"{finding.path}, {finding.rule}: {finding.message}"
+    said = f"{finding.rule}: {finding.message}"
     if not others:
-        return text
-    # Limit the number of listed paths.
+        return f"{finding.path}, {said}"
+    # The paths come first, because a long message may be cut. Their number is limited.
     more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-    return f"{text} (the same at {', '.join(others[:SHOWN])}{more})"
+    return f"{finding.path} (the same at {', '.join(others[:SHOWN])}{more}), {said}"

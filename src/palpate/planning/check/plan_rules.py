@@ -328,10 +328,11 @@ def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         # Unknown objects and wrong kinds have findings of other rules.
         if not (case.exists(parameter) and case.is_of_its_kind(parameter)):
             continue
-        # Explain the missing measurement: earlier findings, missing recordings, or the method.
+        # It follows from an earlier finding, which is reported.
         if walk.failed:
-            missing = ", which may follow from the findings above"
-        elif quantity.derived:
+            return
+        # Explain the missing measurement: missing recordings, or the method.
+        if quantity.derived:
             missing = f"; missing recordings: {'; '.join(lacking(parameter, walk.state))}"
         else:
             missing = f"; it needs: {acquisition(quantity)}"

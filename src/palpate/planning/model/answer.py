@@ -62,6 +62,7 @@ _REASONING = re.compile(
     re.IGNORECASE,
 )
 """Tag at the start or end of a model's reasoning."""
+_MARKDOWN = re.compile(r"(?<!\\)\\([_*\[\]#.-])")
 _ESCAPED = {code: f"\\u{code:04x}" for code in range(0x20)}
 _LITERALS = {"None": "null", "True": "true", "False": "false"}
 
@@ -90,7 +91,7 @@ def read_answer(text: str) -> Proposal:
             f"the answer has {len(text)} characters, more than {MAX_BYTES}; return the JSON object only"
         )
     # Find the plan outside the reasoning, which may contain drafts.
-    text = without_reasoning(text)
+    text = without_reasoning(reply_text(text))
     if not text.strip():
         raise InputError(REASONING)
     source, written = plan_object(text)
@@ -101,6 +102,36 @@ def read_answer(text: str) -> Proposal:
     document = normalize_plan(written)
     plan = nest_tree(document) if "nodes" in document else document
     return Proposal(parse_plan(json.dumps(plan)), scene_objects(document.get("scene") or []))
+
+
+# Places of the text in replies of providers: OpenAI, Ollama, Anthropic, Google.
+_REPLY_PATHS = (
+    ("choices", 0, "message", "content"),
+    ("message", "content"),
+    ("content", -1, "text"),
+    ("candidates", 0, "content", "parts", -1, "text"),
+)
+
+
+def reply_text(text: str) -> str:
+    """Return the model's text in a saved reply of a provider's API; other texts as they are."""
+    alone = text.strip("\ufeff \t\r\n")
+    if not alone.startswith("{") or nesting(alone) > MAX_NESTING:
+        return text
+    document, end, _ = decode_json(alone, 0)
+    if not isinstance(document, dict) or end != len(alone) or is_plan(unwrap_plan(document)):
+        return text
+    for path in _REPLY_PATHS:
+        value: Any = cast("object", document)
+        for key in path:
+            try:
+                value = value[key]
+            except (KeyError, IndexError, TypeError):
+                break
+        else:
+            if isinstance(value, str):
+                return value
+    return text
 
 
 def without_reasoning(text: str) -> str:
@@ -209,7 +240,7 @@ def repair_json(text: str) -> str:
     """Repair JSON text.
 
     Comments, trailing commas and special blanks are removed. Python's null, true, false and single
-    quotes are translated. Control characters in strings are escaped.
+    quotes are translated. Escapes of Markdown are removed. Control characters in strings are escaped.
     """
     if text.count("/*") > MAX_COMMENTS:
         return text
@@ -219,7 +250,10 @@ def repair_json(text: str) -> str:
         token = match[0]
         if token[0] == "'":
             token = to_double_quotes(token)
-        return token.translate(_ESCAPED) if token[0] == '"' else _LITERALS.get(token, " ")
+        if token[0] != '"':
+            return _LITERALS.get(token, " ")
+        # Markdown escapes an underscore, which JSON does not.
+        return _MARKDOWN.sub(r"\1", token).translate(_ESCAPED)
 
     text = _APART.sub(replace_match, text)
     return _TRAILING.sub(lambda match: match[0] if match[0][0] == '"' else "", text)
