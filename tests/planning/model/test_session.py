@@ -284,3 +284,57 @@ def test_a_missing_picture_and_a_decompression_bomb_are_refused(tmp_path: Path) 
         picture(tmp_path / "none.png")
     with pytest.raises(InputError, match="bomb"):
         picture(saved(tmp_path / "bomb.png", (12_000, 12_000), "1"))
+
+
+def _completion(**changes: object) -> dict[str, object]:
+    reply: dict[str, object] = dict(wire("/v1/chat/completions", Says("the answer")))
+    return reply | changes
+
+
+def test_a_reply_without_the_fields_that_carry_nothing_is_read() -> None:
+    bare = {"choices": [{"message": {"role": "assistant", "content": "the answer"}}]}
+    with Loopback(Sends(json.dumps(bare).encode())) as server:
+        answer = opened(server, "compatible:any").ask("m")
+    assert answer.text == "the answer"
+
+
+@pytest.mark.parametrize("content_type", ["text/event-stream", "application/json"])
+def test_a_stream_that_was_not_asked_for_is_joined(content_type: str) -> None:
+    events = [
+        {"choices": [{"index": 0, "delta": {"content": part}}]} for part in ("the ", "answer")
+    ]
+    body = "".join(f"data: {json.dumps(event)}\n\n" for event in events) + "data: [DONE]\n\n"
+    with Loopback(Sends(body.encode(), content_type)) as server:
+        assert opened(server, "compatible:any").ask("m").text == "the answer"
+
+
+def test_an_error_with_the_status_of_success_is_told_in_the_words_of_the_server() -> None:
+    body = json.dumps({"error": {"message": "context size exceeded", "type": "server_error"}})
+    with (
+        Loopback(Sends(body.encode())) as server,
+        pytest.raises(Unavailable, match="the server reports an error: context size exceeded"),
+    ):
+        opened(server, "compatible:any").ask("m")
+
+
+@pytest.mark.parametrize(
+    "message",
+    [
+        {"role": "assistant", "content": None, "reasoning_content": "the answer"},
+        {
+            "role": "assistant",
+            "content": None,
+            "tool_calls": [
+                {
+                    "id": "1",
+                    "type": "function",
+                    "function": {"name": "plan", "arguments": "the answer"},
+                }
+            ],
+        },
+    ],
+)
+def test_an_answer_outside_of_the_content_is_read(message: dict[str, object]) -> None:
+    choice = {"index": 0, "message": message, "finish_reason": "stop"}
+    with Loopback(Sends(json.dumps(_completion(choices=[choice])).encode())) as server:
+        assert "the answer" in opened(server, "compatible:any").ask("m").text

@@ -119,10 +119,10 @@ def reply_text(text: str) -> str:
     if not alone.startswith("{") or nesting(alone) > MAX_NESTING:
         return text
     document, end, _ = decode_json(alone, 0)
-    if not isinstance(document, dict) or end != len(alone) or is_plan(unwrap_plan(document)):
+    if document is None or end != len(alone) or is_plan(unwrap_plan(document)):
         return text
     for path in _REPLY_PATHS:
-        value: Any = cast("object", document)
+        value: Any = document
         for key in path:
             try:
                 value = value[key]

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
 from collections.abc import AsyncIterator
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, cast
 from urllib.parse import urlsplit
 
 from palpate.common.errors import InputError, Unavailable, unknown_name
@@ -172,6 +174,10 @@ class ReplyTooLarge(Exception):
     """The reply of the provider exceeds its limit."""
 
 
+class ReportedError(Exception):
+    """The reply has the status of success, and an error of the server."""
+
+
 def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
     """Return the SDK's model of `endpoint`, with requests through `client`.
 
@@ -237,30 +243,93 @@ async def _bound(response: httpx2.Response) -> None:
     # Count the received bytes while the SDK reads them.
     inner = response.stream
     assert isinstance(inner, httpx2.AsyncByteStream)
+    plain = not compressed and response.is_success
+    events = "text/event-stream" in response.headers.get("content-type", "")
 
     class Bounded(httpx2.AsyncByteStream):
         async def __aiter__(self) -> AsyncIterator[bytes]:
-            read = 0
+            read, chunks = 0, list[bytes]()
             async for chunk in inner:
                 read += len(chunk)
                 if read > limit:
                     raise ReplyTooLarge
-                yield chunk
+                chunks.append(chunk)
+            body = b"".join(chunks)
+            yield complete_reply(body) if plain else body
 
         async def aclose(self) -> None:
             await inner.aclose()
 
+    if plain and events:
+        response.headers["content-type"] = "application/json"
     response.stream = Bounded()
 
 
-def is_too_large(error: BaseException) -> bool:
-    """True if a `ReplyTooLarge` caused `error`, through any chain of exceptions."""
+def complete_reply(body: bytes) -> bytes:
+    """Complete a chat completion of a server that leaves out fields or streams unasked.
+
+    Raises:
+        ReportedError: the reply has an error in place of an answer.
+    """
+    try:
+        document = _joined_events(body) if body.lstrip().startswith(b"data:") else json.loads(body)
+    except (ValueError, RecursionError):
+        return body
+    if not isinstance(document, dict):
+        return body
+    reply = cast("dict[str, Any]", document)
+    choices: Any = reply.get("choices")
+    error = reply.get("error")
+    if error and not (choices or reply.get("candidates") or reply.get("content")):
+        said: Any = (
+            cast("dict[str, Any]", error).get("message", error)
+            if isinstance(error, dict)
+            else error
+        )
+        raise ReportedError(redact(" ".join(str(said).split()))[:200])
+    if not isinstance(choices, list):
+        return body
+    # Fields that the SDK requires, and that carry nothing for a plan.
+    whole = {"id": "none", "object": "chat.completion", "created": 0, "model": "unknown"} | reply
+    for i, choice in enumerate(cast("list[Any]", choices)):
+        if isinstance(choice, dict):
+            one = cast("dict[str, Any]", choice)
+            one.setdefault("index", i)
+            one["finish_reason"] = one.get("finish_reason") or "stop"
+    return json.dumps(whole).encode()
+
+
+def _joined_events(body: bytes) -> dict[str, Any]:
+    """Join the events of a streamed chat completion."""
+    lines = [line[5:].strip() for line in body.splitlines() if line.startswith(b"data:")]
+    events: list[Any] = [json.loads(line) for line in lines if line and line != b"[DONE]"]
+    if any("error" in event for event in events):
+        return next(event for event in events if "error" in event)
+    parts: list[dict[str, Any]] = [one for event in events for one in event.get("choices", ())[:1]]
+    deltas: list[dict[str, Any]] = [part.get("delta") or {} for part in parts]
+    text = "".join(delta.get("content") or "" for delta in deltas)
+    finish = next((part["finish_reason"] for part in parts if part.get("finish_reason")), "stop")
+    message = {"role": "assistant", "content": text}
+    usage = next((event["usage"] for event in events if event.get("usage")), None)
+    merged = {
+        key: value
+        for event in events
+        for key, value in event.items()
+        if key in ("id", "created", "model")
+    }
+    return merged | {"choices": [{"message": message, "finish_reason": finish}], "usage": usage}
+
+
+def cause_of(error: BaseException) -> str:
+    """Return the reason why a reply is unusable, through any chain of exceptions."""
     link: BaseException | None = error  # the SDKs wrap the client's exceptions
     while link is not None:
         if isinstance(link, ReplyTooLarge):
-            return True
+            return TOO_LARGE
+        if isinstance(link, ReportedError):
+            return f"the server reports an error: {link}"
         link = link.__cause__ or link.__context__
-    return False
+    return ""
 
 
 def may_pass(error: ModelAPIError) -> bool:
@@ -275,7 +344,7 @@ def may_pass(error: ModelAPIError) -> bool:
         e.ModelConnectionError,
         e.ModelRequestTimeout,
     )
-    return isinstance(error, kinds) and not is_too_large(error)
+    return isinstance(error, kinds) and not cause_of(error)
 
 
 def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
@@ -283,8 +352,8 @@ def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
     from pydantic_ai import exceptions as e
 
     status = f" (HTTP {error.status_code})" if isinstance(error, e.ModelHTTPError) else ""
-    if is_too_large(error):
-        return TOO_LARGE
+    if cause := cause_of(error):
+        return cause
     # Test specific exceptions before their base classes.
     if isinstance(error, e.ModelAuthenticationError):
         return f"the key was refused{status}; check {endpoint.provider.key_variables[0]} and what it may use"
@@ -303,4 +372,7 @@ def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
     # All other HTTP errors quote the provider's text, without keys.
     if not isinstance(error, e.ModelHTTPError):
         return NOT_THE_API
-    return f"the request was refused{status}: {redact(' '.join(str(error.body).split()))[:200]}"
+    said = redact(" ".join(str(error.body).split()))[:200]
+    # Servers without structured output name its field.
+    hint = "; leave out --native" if re.search(r"response_format|json_schema", said) else ""
+    return f"the request was refused{status}: {said}{hint}"

@@ -27,10 +27,9 @@ from palpate.common.redaction import redact
 from palpate.planning.model.conversation import Answer
 from palpate.planning.model.provider import (
     NOT_THE_API,
-    TOO_LARGE,
     Endpoint,
     bounded_client,
-    is_too_large,
+    cause_of,
     may_pass,
     reason,
     sdk_model,
@@ -180,8 +179,7 @@ class ModelSession:
                 raise
             except Exception as error:
                 # SDKs raise many kinds of exceptions for unparseable answers.
-                problem = TOO_LARGE if is_too_large(error) else NOT_THE_API
-                raise self._failure(problem) from None
+                raise self._failure(cause_of(error) or NOT_THE_API) from None
 
     def _wait(self, error: ModelAPIError, attempt: int) -> float:
         """Return the seconds until a retry.
@@ -213,11 +211,15 @@ class ModelSession:
 
 def answer_of(response: ModelResponse, seconds: float, requests: int) -> Answer:
     """Return the answer in a provider's response, with its statistics."""
-    from pydantic_ai.messages import TextPart
+    from pydantic_ai.messages import TextPart, ThinkingPart, ToolCallPart
 
-    # Join the text parts; reasoning and tool parts are left out.
-    usage = response.usage
-    text = "".join(part.content for part in response.parts if isinstance(part, TextPart))
+    # Join the text parts. Without any, a call of a tool or the reasoning may have the plan.
+    usage, parts = response.usage, response.parts
+    text = "".join(part.content for part in parts if isinstance(part, TextPart))
+    if not text.strip():
+        calls = [part.args_as_json_str() for part in parts if isinstance(part, ToolCallPart)]
+        thoughts = [part.content for part in parts if isinstance(part, ThinkingPart)]
+        text = "\n".join(calls or thoughts)
     # A refusal has no text part; its text is in the details.
     refusal = str((response.provider_details or {}).get("refusal", ""))
     try:
