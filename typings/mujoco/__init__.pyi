@@ -303,6 +303,8 @@ class MjModel:
     pair_friction: _Doubles
     pair_margin: _Doubles
     exclude_signature: _Ints
+    body_contype: _Ints
+    body_conaffinity: _Ints
     body_gravcomp: _Doubles
     actuator_trntype: _Ints
     actuator_trnid: _Ints

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
+from copy import copy
 from dataclasses import replace
 
 import mujoco
@@ -292,53 +293,34 @@ def _physics(scene: Scene) -> Iterator[str]:
 
 
 def _unusual_contacts(scene: Scene) -> Iterator[str]:
-    """Yield remarks on objects that pass through others or fall, and on impossible friction."""
+    """Yield remarks on objects that nothing carries, and on impossible friction."""
     shapes, bodies = scene.resolved.shapes, scene.resolved.description.bodies
-    model = shapes.model
-    placed = {name: replace(body, shapes=shapes) for name, body in bodies.items()}
-    ids = {
-        name: [shapes.geom_ids[geom] for geom in body.elements.colliding]
-        for name, body in placed.items()
-    }
-    excluded = {frozenset(divmod(int(pair), 1 << 16)) for pair in model.exclude_signature}
-    ends = np.column_stack([model.pair_geom1, model.pair_geom2])
-    pairs = {frozenset(pair) for pair in ends.tolist()}
-    loose: set[str] = set()
-    # MuJoCo lets two geoms collide by a <pair>, or else by their bits unless their bodies are excluded.
-    for one, other in (
-        (a, b) for a in scene.objects for b in ids if a < b or b not in scene.objects
+    # The first variant of the model in which MuJoCo finds a support names the cause: none, exclusion, bits.
+    colliding, included = copy(shapes.model), copy(shapes.model)
+    included.exclude_signature[:] = colliding.exclude_signature[:] = 0
+    for types, affinities in (
+        (colliding.geom_contype, colliding.geom_conaffinity),
+        (colliding.body_contype, colliding.body_conaffinity),
     ):
-        touching = [frozenset((a, b)) for a in ids[one] for b in ids[other]]
-        if not pairs.isdisjoint(touching):
-            continue
-        types, affinities = model.geom_contype, model.geom_conaffinity
-        matching = [
-            (a, b)
-            for a in ids[one]
-            for b in ids[other]
-            if types[a] & affinities[b] or types[b] & affinities[a]
-        ]
-        by_body = {
-            frozenset((int(model.geom_bodyid[a]), int(model.geom_bodyid[b]))) for a, b in matching
-        }
-        if by_body - excluded:
-            continue
-        loose |= {one, other}
-        why = "<exclude>" if matching else "their contype and conaffinity share no bit"
-        yield (
-            f"'{one}' and '{other}' pass through each other ({why}): one does not carry the other, and no "
-            "contact between them is measured."
-        )
+        types[:] = affinities[:] = (types | affinities) != 0
+    through = "passes through what it stands on: {}. It falls, and no contact there is measured"
+    variants = {
+        "": shapes.model,
+        through.format("<exclude>"): included,
+        through.format("their contype and conaffinity share no bit"): colliding,
+    }
+    above = f"stands on nothing within {1e3 * RESTING:.0f} mm: it falls. Correct its pos"
     flags = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
-    collides = not any(model.opt.disableflags & int(flag) for flag in flags)
-    for name in [name for name in scene.objects if collides and name not in loose]:
-        if not tied_to(placed[name]) and not standing_contacts(placed[name]):
-            yield (
-                f"'{name}' stands on nothing within {1e3 * RESTING:.0f} mm: it falls when a simulation begins, and "
-                "is not where a plan goes. Correct its pos."
-            )
-    for name, geoms in ids.items():
-        for sliding in {float(model.geom_friction[geom, 0]) for geom in geoms}:
+    collides = not any(shapes.model.opt.disableflags & int(flag) for flag in flags)
+    for name in scene.objects if collides else ():
+        tries = ((why, replace(shapes, model=model)) for why, model in variants.items())
+        placed = ((why, replace(bodies[name], shapes=variant)) for why, variant in tries)
+        why = next((why for why, body in placed if tied_to(body) or standing_contacts(body)), above)
+        if why:
+            yield f"'{name}' {why}."
+    for name, body in bodies.items():
+        ids = [shapes.geom_ids[geom] for geom in body.elements.colliding]
+        for sliding in np.unique(shapes.model.geom_friction[ids, 0]).tolist():
             if not 0.0 <= sliding <= LARGEST_FRICTION:
                 yield (
                     f"The friction of '{name}' is {sliding:g}, and materials have 0 to {LARGEST_FRICTION:g}. "
@@ -348,23 +330,25 @@ def _unusual_contacts(scene: Scene) -> Iterator[str]:
 
 def _driven_fixtures(scene: Scene) -> Iterator[str]:
     """Yield remarks on fixtures that something else than their own joint holds or moves."""
-    shapes = scene.resolved.shapes
+    shapes, bodies = scene.resolved.shapes, scene.resolved.description.bodies
     model = shapes.model
-    for name, body in scene.resolved.description.bodies.items():
-        if body.role != "fixture":
-            continue
-        joint, moved = int(model.body(name).jntadr[0]), replace(body, shapes=shapes)
+    for name in [name for name, body in bodies.items() if body.role == "fixture"]:
+        joint = int(model.body(name).jntadr[0])
         ties = (model.eq_type == int(mujoco.mjtEq.mjEQ_JOINT)) & model.eq_active0
-        ties &= (model.eq_obj1id == joint) | (model.eq_obj2id == joint)
         drives = model.actuator_trntype == int(mujoco.mjtTrn.mjTRN_JOINT)
-        reasons = ["an <equality> of its joint"] * bool(ties.any())
-        reasons += ["an <equality> that ties it to a body"] * bool(tied_to(moved))
-        reasons += ["an <actuator>"] * bool((drives & (model.actuator_trnid[:, 0] == joint)).any())
-        reasons += ["gravcomp"] * bool(model.body_gravcomp[model.body(name).id])
-        if reasons:
+        acting = {
+            "<equality> of its joint": ties
+            & ((model.eq_obj1id == joint) | (model.eq_obj2id == joint)),
+            "<equality> that ties it": np.array(
+                [tied_to(replace(bodies[name], shapes=shapes)) != ""]
+            ),
+            "<actuator>": drives & (model.actuator_trnid[:, 0] == joint),
+            "gravcomp": model.body_gravcomp[[model.body(name).id]] != 0.0,
+        }
+        if reasons := ", ".join(reason for reason, acts in acting.items() if acts.any()):
             yield (
-                f"More than its own joint acts on '{name}': {', '.join(reasons)}. What is measured of its "
-                "friction, damping and spring contains that."
+                f"More than its own joint acts on '{name}': {reasons}. What is measured of its friction, damping "
+                "and spring contains that."
             )
 
 
