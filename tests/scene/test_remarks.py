@@ -168,7 +168,7 @@ def read_unusual(
     text = (
         f'<mujoco>{before}<worldbody><site name="robot_base"/>{bodies}</worldbody>{after}</mujoco>'
     )
-    return [one for one in remarks(parse_scene(text)) if "Nothing is missing" not in one]
+    return [one for one in remarks(parse_scene(text)) if "No value is missing" not in one]
 
 
 UNUSUAL: dict[str, tuple[dict[str, Any], str]] = {
@@ -196,13 +196,13 @@ UNUSUAL: dict[str, tuple[dict[str, Any], str]] = {
         {"before": '<compiler boundinertia="0.01"/>'},
         "<compiler boundinertia=\"0.01\"> raises smaller values, as of 'box'",
     ),
-    "gravcomp": ({"box": 'gravcomp="1"'}, "of 'box' in the hand would not be its own: gravcomp"),
+    "gravcomp": ({"box": 'gravcomp="1"'}, "of 'box' in the hand would be wrong: gravcomp"),
     "moon": ({"before": '<option gravity="0 0 -1.62"/>'}, "<option gravity> is 1.62 m/s²"),
     "negative friction": ({"geom": 'friction="-0.5"'}, "The friction of 'box' is -0.5"),
     "large friction": ({"desk": 'friction="50"'}, "The friction of 'desk' is 50"),
     "weld": (
         {"after": '<equality><weld body1="box" body2="desk"/></equality>'},
-        "of 'box' in the hand would not be its own: it is tied to 'desk' (<equality>)",
+        "of 'box' in the hand would be wrong: it is tied to 'desk' (<equality>)",
     ),
     "floating": ({"z": 0.3}, "'box' stands on nothing within 20 mm"),
 }
