@@ -110,11 +110,7 @@ class Ground:
 
 
 def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
-    """Render a close-up of the objects from above, with names, axes and a grid, as PNG.
-
-    Args:
-        names: believed position (3,) of each named body, m.
-    """
+    """Render a close-up of the objects from above, with axes, a grid, and `names` at believed positions (3,), m, as PNG."""
     # Draw the grid into the scene, where objects occlude it.
     things = things_in_view(world, names)
     ground = Ground.under(things, ground_below(world))
@@ -186,12 +182,9 @@ def camera_of(view: mujoco.MjvCamera, fovy: float, width: int, height: int) -> C
 def annotate(
     pixels: Pixels, camera: Camera, names: Mapping[str, Array], ground: Ground, things: Mask
 ) -> Pixels:
-    """Draw names, grid coordinates and axes into a picture.
+    """Draw names at positions (3,), m, grid coordinates and axes into a picture.
 
-    Args:
-        names: position (3,) of each name, m; positions below the ground are left out.
-        ground: the visible part of the table.
-        things: pixels that labels should leave free.
+    Positions below the visible `ground` of the table are left out. Labels leave the pixels of `things` free.
     """
     # Leave out objects below the ground, which are not visible.
     names = {name: point for name, point in names.items() if point[2] > ground.z - HIDDEN}

@@ -211,14 +211,10 @@ def _refine_corners(grey: Grey, corners: Array, lens: Lens) -> tuple[Array, floa
 
 
 def _meetings(points: Array, weights: Array) -> tuple[Array, float]:
-    """Fit a line to each side by total least squares and intersect adjacent lines.
+    """Fit a line to each side by weighted total least squares and intersect adjacent lines.
 
-    Args:
-        points: (4, n, 2) edge points, pixels.
-        weights: (4, n) their weights.
-
-    Returns:
-        The intersections (4, 2), and the largest rms deviation of points from a line.
+    The sides have edge points (4, n, 2), pixels. Returns the intersections (4, 2), and the largest rms deviation
+    of points from a line.
     """
     # Weighted centroid of each side.
     weights = weights / weights.sum(axis=1, keepdims=True)

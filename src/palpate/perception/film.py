@@ -255,12 +255,7 @@ class Reel:
         self._failed = False
 
     def look(self, samples: Samples, leaves: Sequence[LeafRun]) -> None:
-        """Render the footage before the last ended leaf.
-
-        Args:
-            samples: samples since the last call.
-            leaves: all ended leaves of this attempt.
-        """
+        """Render the footage before the last ended leaf, from new samples and all ended leaves of this attempt."""
         if not self._failed:
             with self._failing():
                 self._look(samples, leaves)

@@ -129,11 +129,8 @@ def with_tag(
 ) -> mujoco.MjSpec:
     """Return the world with a tag on the hand or on the bench, with a random placement error.
 
-    Args:
-        number: number of the tag.
-        side: side of its black square, m.
-        seed: seed of the placement error.
-        on: nominal pose in the world; None for a tag on the hand.
+    The black square of the tag has the `side`, m. `on` is its nominal pose in the world; None for a tag on the
+    hand.
     """
     spec, random = world.copy(), np.random.default_rng([seed, *b"sticker"])
     # Placement error; a tag on the bench lies flat.

@@ -34,13 +34,9 @@ STDS = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])
 
 
 def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
-    """Forward kinematics with Jacobians by the kinematic errors.
+    """Forward kinematics of configurations `q` (n, 7), rad, with Jacobians by the kinematic errors.
 
-    Args:
-        q: (n, 7) configurations, rad.
-
-    Returns:
-        The TCP poses in the base frame, and Jacobians (n, 6, 35) along the axes of the base.
+    Returns the TCP poses in the base frame, and Jacobians (n, 6, 35) along the axes of the base.
     """
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
     # A compliance error of a joint acts like an encoder error, in proportion to the gravity torque.
@@ -72,11 +68,9 @@ def residual_std(repeatability: float) -> Array:
 
 
 def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
-    """Covariance (6, 6) of the pose of a point on the hand, along the axes of the base.
+    """Covariance (6, 6) of the pose of a point on the hand at `q` (7,), rad, along the axes of the base.
 
-    Args:
-        q: (7,) configuration, rad.
-        lever: (3,) vector from the TCP to the point, m, along the axes of the base.
+    `lever` (3,) is the vector from the TCP to the point, m, along these axes.
     """
     # Sum of the systematic kinematic errors and the random pose error, both moved to the point.
     way = twist_jacobian(lever)
@@ -139,10 +133,8 @@ class CalibrationViews:
     def at(self, tag: Pose, step: Array, error: Array | None = None) -> Array:
         """Project the corners (n, 4, 2) of the tag into each picture, pixels.
 
-        Args:
-            tag: prior pose of the tag.
-            step: (u,) unknowns, relative to the priors of camera and tag.
-            error: (6,) additional error of the hand poses, m and rad along the base axes.
+        `step` (u,) holds the unknowns, relative to the priors of camera and tag. `error` (6,) is an
+        additional error of the hand poses, m and rad along the base axes.
         """
         # Apply the steps of camera and tag, and the kinematic errors of the arm.
         camera, tag = move_pose(self.camera, step[:6]), move_pose(tag, step[6:12])
@@ -154,13 +146,9 @@ class CalibrationViews:
     def local(
         self, camera: Pose, tag: Pose, larger: float = 1.0, off: Array | None = None
     ) -> Array:
-        """Corners (n, 4, 3) in OpenCV's camera frame, m.
+        """Corners (n, 4, 3) in OpenCV's camera frame, m, of a tag that is `larger` by a factor.
 
-        Args:
-            camera: pose of the camera.
-            tag: pose of the tag.
-            larger: factor of the tag's size.
-            off: (n, 6) pose errors of the hands.
+        `off` (n, 6) are pose errors of the hands.
         """
         # Corners in the frame of the tag's side of the kinematic chain.
         x = tag.position + (larger * self.half * CORNERS) @ tag.rotation.T

@@ -77,15 +77,9 @@ def outlines(
     zoom: float,
     poses: Mapping[str, Pose],
 ) -> Outlines:
-    """Outlines of a scene's objects at fitted poses.
+    """Outlines of a scene's objects at fitted poses; geoms behind the camera are left out.
 
-    Geoms behind the camera are left out.
-
-    Args:
-        problem: the fitted problem, for the projection.
-        camera: pose of the camera in OpenCV's frame.
-        zoom: factor of the focal length.
-        poses: fitted poses of the objects.
+    The `camera` pose is in OpenCV's frame; `zoom` is the factor of the focal length.
     """
     shapes: dict[str, tuple[Array, ...]] = {}
     description = scene.resolved.description

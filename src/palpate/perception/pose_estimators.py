@@ -154,13 +154,9 @@ def estimate_poses(
     lens: Lens,
     depth: NDArray[np.uint16] | None = None,
 ) -> dict[str, Estimated]:
-    """Estimate the poses of a scene's objects in a picture by a command or URL.
+    """Estimate the poses of a scene's objects in a picture (height, width, 3), RGB, by a command or URL.
 
-    Args:
-        source: the command or URL.
-        picture: (height, width, 3) RGB.
-        lens: intrinsics of the camera.
-        depth: (height, width) distances along the view, mm.
+    `depth` (height, width) holds distances along the view, mm.
     """
     answer = exchange_document(source, request(scene, picture, lens, depth))
     return parse_answer(answer, scene.objects)

@@ -51,13 +51,9 @@ class PosedCell:
         self._held: tuple[str, Pose] | None = None
 
     def show(self, q: Array, width: float, pose_world_tcp: Pose, holding: str | None) -> None:
-        """Set the poses of arm, fingers and objects.
+        """Set the poses of the arm at `q` (7,), rad, of fingers `width` m apart, and of objects.
 
-        Args:
-            q: (7,) joint angles, rad.
-            width: distance between the fingers, m.
-            pose_world_tcp: pose of the TCP.
-            holding: the object between the fingers, which moves with them.
+        The object `holding` between the fingers moves with them.
         """
         self.carry(pose_world_tcp, holding)
         self.data.qpos[self._arm] = q

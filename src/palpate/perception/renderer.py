@@ -308,13 +308,7 @@ def geom_corners(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> Array
 
 
 def pad_box(points: Array, low: Sequence[float], high: Sequence[float]) -> Array:
-    """Corners (8, 3) of the bounding box of points (n, 3), enlarged on both ends.
-
-    Args:
-        points: (n, 3) points, m.
-        low: (3,) enlargement at the lower end, m.
-        high: (3,) enlargement at the upper end, m.
-    """
+    """Corners (8, 3) of the bounding box of points (n, 3), m, enlarged at its lower and upper end by (3,) m."""
     least, most = points.min(axis=0) - np.array(low), points.max(axis=0) + np.array(high)
     return np.array(list(product(*zip(least, most, strict=True))))
 
@@ -337,15 +331,10 @@ def framing(
     elevation: float = ELEVATION,
     margin: float = 1.08,
 ) -> mujoco.MjvCamera:
-    """Return the nearest free camera in this direction with all `points` (n, 3) in view.
+    """Return the nearest free camera in this direction, degrees, with all `points` (n, 3), m, in view.
 
-    Args:
-        points: (n, 3) points, m.
-        aspect: width over height of the picture.
-        fovy: vertical field of view, degrees; must equal the model's `vis.global_.fovy`.
-        azimuth: of the camera, degrees.
-        elevation: of the camera, degrees.
-        margin: factor of the required width and height.
+    `aspect` is width over height of the picture. `fovy` is its vertical field of view, degrees, which must equal
+    the model's `vis.global_.fovy`. `margin` is a factor of the required width and height.
     """
     # Start from the centre of the box.
     forward, right, up = directions(azimuth, elevation)

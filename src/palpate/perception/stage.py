@@ -55,13 +55,10 @@ FURNITURE, NEARBY = 0.5, 0.4
 def build_stage(
     spec: mujoco.MjSpec, looks: Looks | None = None, *, soft: bool = True
 ) -> mujoco.MjModel:
-    """Build a model for pictures of `spec`, which stays unchanged.
+    """Build a model for pictures of `spec`, which stays unchanged; `looks` are by default those of the scene.
 
-    The room is added if the scene states it, or if the scene has neither floor nor light.
-
-    Args:
-        looks: looks of bodies; by default those stated in the scene.
-        soft: soft shadows, which take twice the time of hard ones.
+    The room is added if the scene states it, or if the scene has neither floor nor light. Soft shadows (`soft`)
+    take twice the time of hard ones.
     """
     drawn = spec.copy()
     _strip_paths(drawn)
@@ -311,16 +308,9 @@ def render_before_after(
     looks: Looks | None = None,
     size: tuple[int, int] = SIZE,
 ) -> tuple[bytes, bytes]:
-    """Render two scenes from one camera that frames the named bodies of both.
+    """Render two scenes from one camera that frames the named bodies of both, all by default, as two PNG files.
 
-    Args:
-        before, after: the scenes.
-        bodies: names of the bodies in view; all by default.
-        looks: looks of the bodies; by default those stated in `before`.
-        size: width and height, pixels.
-
-    Returns:
-        Two PNG files.
+    `looks` are by default those stated in `before`; `size` is width and height, pixels.
     """
     looks = looks_in(before) if looks is None else looks
     # One view of both scenes makes the pictures comparable.

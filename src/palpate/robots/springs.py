@@ -83,10 +83,8 @@ class SpringGains:
         return (forces[:, None] @ jacobian)[:, 0]
 
     def lead(self, rate: Array, acceleration: Array) -> Array:
-        """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag.
-
-        Args:
-            rate, acceleration: (n, 6 or 7) of the motion, in the springs' axes.
+        """Compute the lead (n, 6 or 7) of the springs' set-points for a motion without lag, from its rate and
+        acceleration (n, 6 or 7) in the springs' axes.
         """
         return (self.damping * rate + acceleration @ self.inertia) / self.stiffness
 

@@ -35,7 +35,20 @@ from palpate.scene.poses import Poses
 
 # Words in names that models give to a pose above an object.
 _ABOVE = frozenset(
-    ["lift", "lifted", "above", "over", "hover", "approach", "pre", "pregrasp", "retreat", "raised", "up", "high"]
+    [
+        "lift",
+        "lifted",
+        "above",
+        "over",
+        "hover",
+        "approach",
+        "pre",
+        "pregrasp",
+        "retreat",
+        "raised",
+        "up",
+        "high",
+    ]
 )
 MAX_EXPRESSION = 200  # Largest number of characters of a pose expression
 # m, offsets at poses without an object.

@@ -130,12 +130,9 @@ class Guard:
     def observe(self, torque: Array, dq: Array, step: float) -> int | None:
         """Return the first of the next n cycles whose wrench exceeds the thresholds; None if there is none.
 
-        After that cycle the observer stops: the arm yields.
-
-        Args:
-            torque: (n, 7) N m commanded at the joints, less the nominal arm's gravity compensation.
-            dq: (n, 7) rad/s at the end of each cycle.
-            step: s, of the physics.
+        After that cycle the observer stops: the arm yields. `torque` (n, 7) is commanded at the joints, N m,
+        less the nominal arm's gravity compensation. `dq` (n, 7), rad/s, is at the end of each cycle; `step`,
+        s, is that of the physics.
         """
         # Change of the momentum in each cycle. The integrator is implicit in the dampers, which adds h D to M.
         count = len(dq)

@@ -77,12 +77,11 @@ class World:
         substeps: int = SUBSTEPS,
         q: Array | None = None,
     ) -> None:
-        """Put the true arm into `spec`, which is changed, with its base at `pose_world_base`.
+        """Put the true arm into `spec`, which is changed, with its base at `pose_world_base` and its joints at `q`
+        (7,), rad; home by default.
 
-        Args:
-            substeps: physics steps in a control cycle while anything touches, or moves apart from the arm;
-                otherwise a cycle has one step.
-            q: (7,) rad, initial joint angles; home by default.
+        A control cycle has `substeps` physics steps while anything touches, or moves apart from the arm; otherwise
+        one.
         """
         self._arm, self._finest, self._substeps = arm, substeps, substeps
         # The compiled world, robot included (its names start with `robot/`).

@@ -63,11 +63,7 @@ class DrawnValue:
 class Streams:
     """Random number streams, one per key of a noise model (`torque.white`), independent of each other.
 
-    A change of one key changes no other stream.
-
-    Args:
-        seed: seed of the robot.
-        visit: number of that robot's run.
+    A change of one key changes no other stream. `seed` is that of the robot, `visit` the number of its run.
     """
 
     def __init__(self, seed: int, visit: int = 0) -> None:

@@ -245,10 +245,8 @@ class Encoders:
     def pressed(self, jacobian: Array, force: Array, axis: Array) -> Array:
         """Compute the joint motion (n, 7), rad, by which the arm advances while its pads deform.
 
-        Args:
-            jacobian: (6, 7), world axes about the TCP.
-            force: (n,) N of n log periods; it is low-passed in place.
-            axis: (3,) unit vector along which the pads press.
+        The pads press with `force` (n,), N, which is low-passed in place, along the unit vector `axis` (3,). The
+        `jacobian` is (6, 7), world axes about the TCP.
         """
         if self._pressed < NOTHING and force.max() <= 0.0:
             self._pressed = 0.0

@@ -115,11 +115,8 @@ def split_body(body: mujoco.MjsBody, more: float, shift: Array) -> None:
     """Split a link to give it its true mass and centre, and keep its gravity compensation.
 
     MuJoCo's `gravcomp` acts at a body's own centre with its own mass. So one part stays at the nominal
-    centre, with the compensation of the whole nominal link. An uncompensated part makes up the difference.
-
-    Args:
-        more: kg beyond the nominal mass.
-        shift: (3,) m of the true centre from the nominal one.
+    centre, with the compensation of the whole nominal link. An uncompensated part makes up the difference:
+    `more` kg, and the `shift` (3,), m, of the centre.
     """
     nominal, centre = body.mass, np.array(body.ipos)
     # Mass and centre of the second part, so that both together have the true mass and centre.
