@@ -110,7 +110,7 @@ class Ground:
 
 
 def closer_png(world: mujoco.MjSpec, names: Mapping[str, Array]) -> bytes:
-    """Render a close-up of the objects from above, with axes, a grid, and `names` at believed positions (3,), m, as PNG."""
+    """Render a close-up of the objects from above as PNG, with axes, a grid, and `names` at positions (3,), m."""
     # Draw the grid into the scene, where objects occlude it.
     things = things_in_view(world, names)
     ground = Ground.under(things, ground_below(world))
