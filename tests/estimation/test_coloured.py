@@ -88,3 +88,31 @@ def test_a_known_residual_says_how_sure_its_size_is():
     beside = residual.freedom_beside(np.full(SIGNALS, 1e3), 100.0, SPANS)
     assert alone == pytest.approx(8.0)
     assert beside == pytest.approx(100.0, rel=0.01)
+
+
+def test_what_depends_on_the_angle_cancels_between_passes():
+    """A joint passes the same angles twice, with a load of 0.5 N m the second time."""
+    random = np.random.default_rng(2)
+    half = ROWS // 2
+    angle = np.tile(0.02 * np.arange(half), 2)[:, None]
+    path = 0.02 * np.arange(ROWS)[:, None]
+    turns, lasts = np.full((ROWS, 1), 0.02), np.full(ROWS, 0.1)
+    load = (np.arange(ROWS) >= half).astype(float)[:, None]
+    causes = [Cause("load", load, np.array([1e3])), Cause("zero", np.ones((ROWS, 1)), np.ones(1))]
+    noise = SignalNoise([WHITE * np.eye(ROWS)], 40.0)
+
+    def fitted_load(spans: Spans, y: np.ndarray) -> tuple[float, float]:
+        learned = with_residual(noise, learn_residual(causes, noise, y, spans), spans)
+        mean, covariance = fit(causes, learned, y)["load"]
+        return float(mean[0]), float(np.sqrt(covariance[0, 0]))
+
+    z, widths = [], []
+    for _ in range(TRIALS // 3):
+        uneven = np.tile(0.1 * np.cumsum(random.standard_normal(half)) / np.sqrt(10.0), 2)
+        y = 0.5 * load[:, 0] + uneven + WHITE * random.standard_normal(ROWS)
+        found, std = fitted_load(Spans(TIME, lasts, path, turns, angle), y)
+        _, blind = fitted_load(Spans(TIME, lasts, path, turns), y)
+        z.append((found - 0.5) / std)
+        widths.append(std / blind)
+    assert np.mean(widths) < 0.6
+    assert np.sqrt(np.mean(np.square(z))) < 1.3

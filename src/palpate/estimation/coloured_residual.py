@@ -6,12 +6,14 @@ them is less precise than their number suggests. In each signal
 
     residual ~ sensor noise + Σ_i v_i exp(-d_i / l_i)
 
-It is a sum of Ornstein-Uhlenbeck processes over time and over the path of the joint (constant at
-rest), with lengths l_i from a block to a run. The variances v_i maximise the likelihood of the rows
-with all causes integrated out, signal by signal (restricted maximum likelihood: Patterson and
-Thompson, Biometrika 58, 1971). They are found by fixed-point iteration of the score equations
-(Harville, J. Am. Stat. Assoc. 72, 1977). They are weighted by the likelihood ratio with and without
-them, so that a recording of a perfect arm keeps its precision.
+It is a sum of Ornstein-Uhlenbeck processes over time, over the path of the joint (constant at
+rest), and over its angle. Their lengths l_i are from a block to a run. What depends on the angle
+alone is the same whenever the joint is there: it cancels between passes with and without a load.
+The variances v_i maximise the likelihood of the rows with all causes integrated out, signal by
+signal (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971). They are found
+by fixed-point iteration of the score equations (Harville, J. Am. Stat. Assoc. 72, 1977). They are
+weighted by the likelihood ratio with and without them, so that a recording of a perfect arm keeps
+its precision.
 """
 
 from __future__ import annotations
@@ -30,12 +32,15 @@ COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
 COLOUR_PATHS = (0.003, 0.01, 0.1)
 """rad: correlation lengths of the residual over the path of the joint, from gear ripple to a lift.
 Not sensitive."""
+COLOUR_PLACES = (0.01, 0.1)
+"""rad: correlation lengths of the residual over the angle of the joint: gear ripple, uneven friction.
+Sensitive: mass std ×0.75–0.85 at `measured`."""
 COLOUR_START = 0.02
 """N m (1 sigma): start value of each process in the search. Not sensitive."""
 COLOUR_ROUNDS = 6
 """number of iterations; each brings a variance nearer to its maximum likelihood. Not sensitive."""
 COLOUR_CHANCE = 3.0
-"""log likelihood gain by the processes at which they count by half: one for each two of the seven.
+"""log likelihood gain by the processes at which they count by half: one for each two or three.
 Sensitive: mass std ×1.0–1.1 at `lab`."""
 COLOUR_FREEDOM = 4.0
 """least degrees of freedom of the residual's variance. Not sensitive."""
@@ -53,39 +58,56 @@ class Spans:
         lasts: (k,) s, durations.
         path: (k, m) rad, path of each joint until then.
         turns: (k, m) rad, path of each joint within each.
+        angle: (k, m) rad, angles at the midpoints; None where the residual is none of the joints'.
     """
 
     t: Array
     lasts: Array
     path: Array
     turns: Array
+    angle: Array | None = None
 
     @classmethod
-    def of(cls, t: Array, path: Array, parts: Sequence[NDArray[np.intp] | slice]) -> Spans:
-        """Build the stretches from samples at `t` (n,) with the `path` (n, m) of the joints, by
-        their rows."""
+    def of(
+        cls,
+        t: Array,
+        path: Array,
+        parts: Sequence[NDArray[np.intp] | slice],
+        angle: Array | None = None,
+    ) -> Spans:
+        """Build the stretches from samples at `t` (n,) with the `path` and the `angle` (n, m) of the
+        joints, by their rows."""
         return cls(
             np.array([t[rows].mean() for rows in parts]),
             np.array([np.ptp(t[rows]) for rows in parts]),
             np.array([path[rows].mean(axis=0) for rows in parts]),
             np.array([np.ptp(path[rows], axis=0) for rows in parts]),
+            None if angle is None else np.array([angle[rows].mean(axis=0) for rows in parts]),
         )
 
     @classmethod
     def concatenate(cls, parts: Sequence[Spans]) -> Spans:
         """Append all stretches."""
+        angles = [one.angle for one in parts if one.angle is not None]
         return cls(
-            *(np.concatenate([getattr(one, name) for one in parts]) for name in cls.__slots__)
+            np.concatenate([one.t for one in parts]),
+            np.concatenate([one.lasts for one in parts]),
+            np.concatenate([one.path for one in parts]),
+            np.concatenate([one.turns for one in parts]),
+            np.concatenate(angles) if len(angles) == len(parts) else None,
         )
 
     def kernels(self, joint: int) -> Array:
         """Compute the covariances (c, k, k) of the processes in a joint, at unit variance of a
         single moment."""
-        # Processes over time, then over the path of the joint.
+        # Processes over time, then over the path of the joint, then over its angle.
         apart = np.abs(self.t[:, None] - self.t)
         found = [_kernel(apart, self.lasts, time) for time in COLOUR_TIMES]
         apart = np.abs(self.path[:, None, joint] - self.path[:, joint])
         found += [_kernel(apart, self.turns[:, joint], far) for far in COLOUR_PATHS]
+        if self.angle is not None:
+            apart = np.abs(self.angle[:, None, joint] - self.angle[:, joint])
+            found += [_kernel(apart, self.turns[:, joint], far) for far in COLOUR_PLACES]
         return np.array(found)
 
 
@@ -137,7 +159,8 @@ class ColouredResidual:
         """Compute the variance (k,), N² m², of a joint's means over `spans`: the diagonal of their
         covariance."""
         times = [_variance_of_means(spans.lasts, time) for time in COLOUR_TIMES]
-        paths = [_variance_of_means(spans.turns[:, joint], far) for far in COLOUR_PATHS]
+        lengths = COLOUR_PATHS if spans.angle is None else (*COLOUR_PATHS, *COLOUR_PLACES)
+        paths = [_variance_of_means(spans.turns[:, joint], far) for far in lengths]
         return self.variances[joint] @ np.array([*times, *paths])
 
     @property

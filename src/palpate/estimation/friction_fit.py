@@ -329,7 +329,7 @@ def _forces(drags: Sequence[Drag], unknowns: Columns, mu: float) -> TangentialFo
             design.append(own[block].mean(axis=0))
             noise.append(drag.noise / len(block) + pressed + SLIDING_NOISE**2)
             levers.append(lever)
-        spans.append(Spans.of(drag.t, drag.path, drag.blocks))
+        spans.append(Spans.of(drag.t, drag.path, drag.blocks, drag.q))
     # Correlated noise: flicker of the sensors, over the time between two blocks.
     every, each, hanging = Spans.concatenate(spans), np.array(levers), drags[0].hanging
     slow = (each * hanging.noise.flicker) @ each.T * flicker(np.abs(every.t[:, None] - every.t))

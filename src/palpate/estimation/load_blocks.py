@@ -113,7 +113,7 @@ class Blocks:
     def spans(self) -> Spans:
         """Stretches that the blocks average."""
         lasts = np.full(len(self.t), float(np.median(np.diff(self.t))) + FOLLOWED)
-        return Spans(self.t, lasts, self.path, np.abs(self.dq) * lasts[:, None])
+        return Spans(self.t, lasts, self.path, np.abs(self.dq) * lasts[:, None], self.q)
 
     @property
     def grasps(self) -> tuple[float, ...]:

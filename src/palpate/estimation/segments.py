@@ -434,7 +434,7 @@ class _Signals:
             motion=means(self.motion),
             dahl=means(self.dahl),
             turned=np.zeros(len(bins)),
-            spans=Spans.of(self.samples.t, self.path, bins),
+            spans=Spans.of(self.samples.t, self.path, bins, self.samples.q),
         )
 
 
