@@ -347,10 +347,11 @@ LINK_FACTORS = (1.0, 3.0, 10.0, 30.0)
 LIKELY_LINKS = (0.99, 0.006, 0.003, 0.001)
 """Prior probabilities of `LINK_FACTORS`. Chosen, without a source: a description usually belongs to its arm.
 Sensitive: hand 0.1 σ, std ×0.9–1.1."""
-WELL_KEPT = ((0.02, 0.05), (0.1, 1.0), (0.2, 1.0), (0.5, 1.0))
-"""Factors on the errors of link weights and of sensor gains, of arms that are better known than the datasheet says: a
-calibrated one, and others with exact links. They are as likely as factors of 1. Sensitive: mass 0.4 σ, std ×1.0–1.5;
-without them 1.7 σ, std ×1.1 at 0.25 kg and `measured`, ×14 at 2 kg and `lab`."""
+WELL_KEPT = ((0.02, 0.02, 0.05), (0.2, 0.1, 1.0), (0.5, 0.2, 1.0), (1.0, 0.5, 1.0))
+"""Factors on the errors of link masses, of their centres and of sensor gains, of arms that are better known than the
+datasheet says: a calibrated one, and others with more exact links. Weights show first moments, and less of the masses,
+which stay wider. They are as likely as factors of 1. Sensitive: mass 0.4 σ, std ×1.0–1.5; without them 1.7 σ, std ×1.1
+at 0.25 kg and `measured`, ×14 at 2 kg and `lab`."""
 FIRST_RESIDUAL = 0.1
 """N m. Residual in the first round of fitting. Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std
 ×0.9–1.0."""
@@ -484,13 +485,17 @@ def _arm_scale(assumed: Assumed, is_compared: bool) -> PriorScale:
     Small errors are believed only where a load is compared on equal motion, as errors of the friction model do not
     cancel elsewhere.
     """
-    levels = [(link, 1.0) for link in LINK_FACTORS]
+    levels = [(link, link, 1.0) for link in LINK_FACTORS]
     chances = [*LIKELY_LINKS]
     if is_compared:
         levels += WELL_KEPT
         chances += [LIKELY_LINKS[0]] * len(WELL_KEPT)
-    counts = [assumed.bodies.errors[:, PARTS[WEIGHT]].size, len(assumed.gains) + 1]
-    return PriorScale((WEIGHT, GAIN, COMMON), [np.repeat(one, counts) for one in levels], chances)
+    joints = len(assumed.gains)
+    factors = [
+        np.array([*[mass, centre, centre, centre] * joints, *[gain] * (joints + 1)])
+        for mass, centre, gain in levels
+    ]
+    return PriorScale((WEIGHT, GAIN, COMMON), factors, chances)
 
 
 def fit_arm(
