@@ -101,7 +101,8 @@ def _from(parent: Array, child: Array) -> Array:
     """Relative pose parent⁻¹ · child (n, 7) of two world poses, rounded to single precision for a small file."""
     from scipy.spatial.transform import Rotation
 
-    turns = [Rotation.from_quat(poses[:, 3:], scalar_first=True) for poses in (parent, child)]
+    # scipy types the product of two rotations as an array.
+    turns: list[Any] = [Rotation.from_quat(p[:, 3:], scalar_first=True) for p in (parent, child)]
     back = turns[0].inv()
     at = back.apply(child[:, :3] - parent[:, :3])
     # The canonical quaternion has a scalar part that is not negative.
