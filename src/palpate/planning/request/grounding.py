@@ -381,7 +381,10 @@ SURE = re.compile(
 
 def is_sure(sentence: Sentence) -> bool:
     """True if all words of an English sentence belong to a form that has one meaning."""
-    return SURE.fullmatch(_symbols(sentence)) is not None
+    symbols = _symbols(sentence)
+    # "Everything" beside a body is a remark, unless the body is an exception.
+    mixed = {"e", "T"} <= set(symbols) and {"x", "n", "l"}.isdisjoint(symbols)
+    return SURE.fullmatch(symbols) is not None and not mixed
 
 
 def _symbols(sentence: Sentence) -> str:

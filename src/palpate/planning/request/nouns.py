@@ -121,6 +121,10 @@ class Nouns:
             part = said[at : at + length]
             if len(part) < length or not self._describes(part[-1], code):
                 break
+            # In English and German, no adjective follows its noun.
+            noun = best is not None and best.noun and code in ("en", "de")
+            if noun and not part[-1].isdigit() and not self._is_noun(part[-1], code):
+                break
             found = self.find(part, code)
             # A longer description must not lose the bodies of a shorter one to a further noun.
             if found and (best is None or found.names or not best.names or length == 2):

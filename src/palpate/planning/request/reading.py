@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter, PlanRejected
@@ -86,6 +87,8 @@ def fragments(spots: Sequence[Spot]) -> list[Fragment]:
         rest = spots[spots.index(spot) :]
         if spot.has(":") and any(o.is_quantity for o in rest) and any(o.thing for o in rest):
             spot.classes = {**spot.classes, ",": ""}
+        if spot.has(":") and "EXCEPT" in found[-1].intro and found[-1].things:
+            found.append(Fragment(frozenset({"RESUME"})))
         separates = spot.has(",", "AND", "BUT", "RATHER", "EXCEPT", "CORRECT", "OR")
         last = found[-1].spots[-1] if found[-1].spots else None
         everything = last is not None and (
@@ -96,7 +99,8 @@ def fragments(spots: Sequence[Spot]) -> list[Fragment]:
         if spot.has("BUT") and everything:
             spot.classes = {"EXCEPT": ""}  # "everything but the mug"
         if spot.has("CORRECT") and spot.has("NOT") and len(spots) > 1:
-            separates = spot.has(",")  # a plain "no" negates
+            # A plain "no" negates; "no," corrects.
+            separates = any(o.start == spot.end and o.has(",") for o in spots)
         if separates:
             spot.used = True
             if found[-1].spots:
@@ -104,7 +108,12 @@ def fragments(spots: Sequence[Spot]) -> list[Fragment]:
             found[-1].intro |= frozenset(spot.classes)
         else:
             found[-1].spots.append(spot)
-    return [one for one in found if one.spots]
+    found = [one for one in found if one.spots]
+    for one, following in pairwise(found):
+        # "No, excuse me, the blue one."
+        if "CORRECT" in one.intro and not one.things and not one.quantities:
+            following.intro |= {"CORRECT"}
+    return found
 
 
 @dataclass
@@ -194,6 +203,8 @@ class Reading:
             return True
         if part.has("SKIP", "NEEDLESS") and not part.has("MISSING"):
             return False
+        if "RESUME" in part.intro:
+            return True
         if "EXCEPT" in part.intro:
             return not self._base
         if denied and part.has("YET") and part.has("DONE"):
@@ -235,6 +246,9 @@ class Reading:
             # "It does not wobble" excludes nothing.
             return not self._base or any(spot.unknown for spot in part.spots)
         if before is not None and not before.wanted and part.continues:
+            # "all but the mug: masses"
+            if "EXCEPT" in before.intro and part.quantities and not self._seen:
+                return True
             # "except the mug and the box", but "not the mug, the box".
             contrast = (
                 before.has("NOT", "NEEDLESS")

@@ -121,6 +121,7 @@ class Spotter:
         self.language = languages()[code]
         self.remarks: list[str] = []
         self.slips: dict[str, str] = {}
+        self._last: list[Spot] = []
 
     def spots(self, words: list[str]) -> list[Spot]:
         """Return the spots of a sentence; corrects the spelling of its unknown words in place."""
@@ -160,6 +161,8 @@ class Spotter:
                     spot.classes = {"F": ""}
         if not named:
             for spot in spots:
+                if spot.has("FLOOR"):
+                    spot.classes = {"A": "height"}
                 after = next(
                     (o for o in spots[spots.index(spot) + 1 :] if not o.has("F", "DET")), None
                 )
@@ -277,6 +280,7 @@ class Spotter:
             if spot.thing is None or spot.noun:
                 continue
             others = [o for o in (*reversed(spots[:at]), *spots[at + 1 :]) if o.thing and o.noun]
+            others += self._last
             text = spot.thing.text.split()
             for other in others:
                 assert other.thing is not None
@@ -293,11 +297,13 @@ class Spotter:
                 names = tuple(n for n in spot.thing.names if n in self.scene.objects)
                 spot.thing = replace(spot.thing, names=names or spot.thing.names)
             spot.noun = True
+        self._last = [spot for spot in reversed(spots) if spot.thing is not None] or self._last
 
     def _select(self, spots: list[Spot], words: Sequence[str]) -> None:
         """Restrict bodies by "all", numbers, sides, and their position relative to others."""
         for at, spot in enumerate(spots):
-            if spot.has("ALL") and spot.thing is None and not self._applies(spots, at):
+            said = at > 0 and spots[at - 1].has("HOW")  # "that is all"
+            if spot.has("ALL") and spot.thing is None and not said and not self._applies(spots, at):
                 spot.classes = {"EVERYTHING": ""}
             if spot.thing is None:
                 continue
