@@ -197,9 +197,10 @@ def test_a_second_column_of_one_name_is_refused(tmp_path: Path, ending: str) -> 
     np.testing.assert_allclose(read_log(write_table(tmp_path / f"b.{ending}", dotted)).tau, TAU)
 
 
-def test_a_clock_of_one_column_is_read(tmp_path: Path) -> None:
+@pytest.mark.parametrize("t", [T[:, None], T[None], T])
+def test_a_clock_of_one_column_or_row_is_read(tmp_path: Path, t: np.ndarray) -> None:
     file = tmp_path / "log.npz"
-    np.savez(file, t=T[:, None], q=Q, dq=DQ, tau=TAU)
+    np.savez(file, t=t, q=Q, dq=DQ, tau=TAU)
     np.testing.assert_allclose(read_log(file).t, T - T[0])
 
 

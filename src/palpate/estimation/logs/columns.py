@@ -346,8 +346,8 @@ def _flat(table: Table) -> Table:
     """Scalar columns: `q[0]` of a wide one; the two parts of a stamp (`sec`, `nanosec`) are joined."""
     flat: dict[str, Array] = {}
     # Split a vector column, join the two parts of a stamp, and keep scalars.
-    for name, values in table.items():
-        values = values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
+    for name, given in table.items():
+        values: Array = given.reshape(given.size) if 1 in given.shape else given
         fine = re.fullmatch(r"(.*?)[._/ ]*((?:n|nano_?)(secs?))", name)
         coarse = name.removesuffix(fine[2]) + fine[3] if fine else ""
         if values.ndim == 2 and values.shape[1] <= WIDEST:
