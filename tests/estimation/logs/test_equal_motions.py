@@ -81,3 +81,14 @@ def test_what_depends_on_the_place_alone_does_not_widen_the_mass(
     assert abs(float(mass.z_score(MASS))) < 3.0
     # Without the differences it is 17 g; what is left are the sensors' gains.
     assert mass.stds[0] < 4e-3
+
+
+def test_zeros_that_drift_between_the_motions_are_in_the_interval(
+    recording: Log, tmp_path: Path
+) -> None:
+    """5 mN m in each joint, as much as a well kept sensor wanders in a quarter of a minute."""
+    drifted = 5e-3 * (recording["t"] > 15.0)[:, None] * np.array([1, -1, 1, 1, -1, 1, 1])
+    file = tmp_path / "drifted.npz"
+    np.savez(file, **{**recording, "tau": recording["tau"] + drifted})
+    (low, high), *_ = pp.estimate(file, [WINDOW])["load.mass"].intervals
+    assert low < MASS < high
