@@ -205,7 +205,10 @@ def test_urdf_states_joint_forces_and_frictions(tmp_path: Path) -> None:
     text = KITCHEN.replace(
         'range="0 90"', 'range="0 90" damping="2" frictionloss=".8" armature=".1"'
     )
+    text = text.replace('<body name="door"', '<body name="hook" pos="0 0 1"/><body name="door"')
+    text = text.replace("<freejoint/>", '<joint type="free" damping=".001"/>')
     made = export(build(parse_scene(text)), "urdf", tmp_path)
+    assert "the damping of the free body 'mug' is left out" in made.notes
     tree = ElementTree.parse(made.file)
     (hinge,) = [joint for joint in tree.iter("joint") if joint.get("name") == "hinge"]
     dynamics = hinge.find("dynamics")

@@ -86,6 +86,11 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         for i, thing in enumerate(things):
             thing.name = thing.name or f"{kind}_{i}"
     notes: list[str] = []
+    for body in range(1, model.nbody):
+        first = int(model.body_dofadr[body])
+        if is_free(model, body) and model.dof_damping[first : first + 6].any():
+            name = body_name(model, body)
+            notes.append(f"the damping of the free body '{name}' is left out")
     # Readers refuse a moving body without mass, or lose it: give it a share of what it carries.
     for body in spec.bodies:
         if model.body_weldid[body.id] and not model.body_mass[body.id] > 0.0:
