@@ -508,7 +508,7 @@ class Pinocchio(Reader):
     def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
         pin, model, data = self.pin, self.model, self.model.createData()
         friction = self.step * model.upperDryFrictionLimit
-        for _ in range(steps):
+        for _ in range(steps if model.nv else 0):
             # Semi-implicit Euler; dry friction takes at most the whole momentum.
             push = -model.damping * self.v
             free: Any = self.v + self.step * pin.aba(model, data, self.q, self.v, push)
