@@ -187,3 +187,22 @@ def test_what_beside_a_wish_may_change_it_is_refused(request_: str):
 )
 def test_each_of_several_exceptions_is_left_out(request_: str):
     assert meaning(request_) == {"red_box.mass", "blue_box.mass"}
+
+
+@pytest.mark.parametrize(
+    ("request_", "meant"),
+    [
+        (
+            "The friction of the mug and the bottle and mass of the red box",
+            "mug.friction bottle.friction red_box.mass",
+        ),
+        ("I know the mass of the mug and the friction of the bottle.", ""),
+        ("Weigh the lighter box", "red_box.mass blue_box.mass"),
+    ],
+)
+def test_lists_and_comparatives_keep_their_meaning(request_: str, meant: str):
+    assert meaning(request_) == frozenset(meant.split())
+
+
+def test_a_statement_that_compares_is_not_sure():
+    assert read("The mug is heavier than the bottle.") is None

@@ -384,7 +384,9 @@ def is_sure(sentence: Sentence) -> bool:
     symbols = _symbols(sentence)
     # "Everything" beside a body is a remark, unless the body is an exception.
     mixed = {"e", "T"} <= set(symbols) and {"x", "n", "l"}.isdisjoint(symbols)
-    return SURE.fullmatch(symbols) is not None and not mixed
+    # "The mug is heavier than the bottle." may be a remark.
+    remark = not sentence.question and is_comparison(sentence) and symbols.lstrip("&")[:1] == "T"
+    return SURE.fullmatch(symbols) is not None and not mixed and not remark
 
 
 def _symbols(sentence: Sentence) -> str:

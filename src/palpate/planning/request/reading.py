@@ -255,7 +255,7 @@ class Reading:
                 and "AND" not in part.intro
                 and "EXCEPT" not in before.intro
             )
-            return contrast or bool(part.quantities and part.things) or part.has("ONLY")
+            return contrast or bool(part.quantities and part.things and "AND" not in part.intro)
         if part.has(*_VERBS):
             self._base = True
         return True
@@ -369,7 +369,8 @@ class Reading:
             if kind == "Q" and self._ends_group(spots, at, groups):
                 groups.append(("Q", []))
             # "The mass of the bottle and mug friction": the mug belongs to the friction.
-            adjacent = kind == "T" and at + 1 < len(spots) and spots[at + 1].has("N", "'S")
+            follows = at + 1 < len(spots) and spots[at + 1].start == spot.end
+            adjacent = kind == "T" and follows and spots[at + 1].has("N", "'S")
             if adjacent and len(groups) > 1 and groups[-1][0] == "T":
                 groups.append(("T", []))
             if not groups or groups[-1][0] != kind:

@@ -44,11 +44,13 @@ class Language:
     """Word lists of one language.
 
     Attributes:
+        is_english: its plurals are English.
         entries: phrases by the first two letters of their first word.
         nouns: concepts of each noun or adjective, the usual concept first.
         words: all complete words, for the correction of spelling.
     """
 
+    is_english: bool
     entries: dict[str, list[Entry]] = field(default_factory=lambda: defaultdict(list[Entry]))
     nouns: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list[str]))
     words: set[str] = field(default_factory=set[str])
@@ -77,7 +79,7 @@ class Language:
     def concepts(self, word: str) -> tuple[str, ...]:
         """Return the concepts of a noun or adjective, the usual one first."""
         for said in dict.fromkeys((word, without_accents(word) if len(word) > EXACT else word)):
-            for form in singulars(said):
+            for form in (english_singulars if self.is_english else singulars)(said):
                 if form in self.nouns:
                     return tuple(self.nouns[form])
             for length in range(len(said), 1, -1):
@@ -116,7 +118,7 @@ def _languages(ids: tuple[str, ...]) -> Mapping[str, Language]:
     `words/classes.txt` has the phrases, the catalogue the names of quantities, and
     `words/nouns.txt` the nouns.
     """
-    found = {code: Language() for code in LANGUAGES}
+    found = {code: Language(code == "en") for code in LANGUAGES}
     for head, columns in _rows("classes"):
         name, _, value = head.partition(" ")
         for code, phrases in columns:
