@@ -9,6 +9,7 @@ import pytest
 from long_cases import mark_long
 
 from palpate.common.errors import InputError
+from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 
 from .judge import assert_acquired, assert_exported, assert_near_truth, assert_restored, executed
@@ -68,3 +69,14 @@ def test_recorded_plans_are_chosen_by_name() -> None:
     assert hammer.settings(planner="replay:paper").planner == f"replay:{hammer.plans['paper']}"
     assert hammer.settings(planner="replay:elsewhere.json").planner == "replay:elsewhere.json"
     assert hammer.settings().planner == "symbolic"
+
+
+@pytest.mark.parametrize(
+    "name", [n for n in ENDING if scenario(n).settings().request and not scenario(n).only_seen]
+)
+def test_a_scenarios_request_is_read_without_a_question(name: str) -> None:
+    task = scenario(name)
+    settings = task.settings()
+    made = pipeline.plan(settings, pipeline.load(settings))
+    assert "please confirm" not in made.plan.explanation
+    assert set(made.plan.parameters) == set(task.expects)

@@ -368,7 +368,7 @@ _PLAIN = r"(?:[Te](?:&*[Te])*)"
 _QUANTITY = r"(?:i?q(?:&*i?q)*)"
 _ASKED = (
     rf"(?:{_QUANTITY}f*h?{_THINGS}|h*w+h?{_THINGS}h?|h?{_PLAIN}h?w|{_PLAIN}[&h]*{_QUANTITY}|h+[aq]h?f?{_THINGS}h?|"
-    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|iq|h+ah?i?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)+"
+    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|h+iw+|iq|h+ah?i?h?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)+"
 )
 _LESS = rf"&*(?:x|n|xn|nx)(?:i?[qa]*{_THINGS}q?|i?q+)h?"
 SURE = re.compile(
