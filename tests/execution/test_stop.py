@@ -311,7 +311,7 @@ BESIDE = """<body name="peg" pos="{x:.3f} -0.1 {z}"><freejoint/>
     [
         (0.036, 0.04, 0.059, None),
         (0.024, 0.04, 0.039, "the fingers cannot open"),
-        (0.018, 0.035, 0.039, "cannot be put down here, on the way to"),
+        (0.018, 0.035, 0.039, "cannot be put down here, on the path to"),
     ],
 )
 def test_a_stop_hits_no_neighbour(gap, half, width, reason):

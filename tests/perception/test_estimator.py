@@ -131,7 +131,7 @@ def drawn(random: np.random.Generator, tag: bool, wrong: float = 0.0) -> np.ndar
         seen[3] = LENS.project(points, zoom) + 0.3 * random.standard_normal((4, 2))
     estimates = {"block": Estimated(told, covariance)}
     found = solve(Problem(LENS, seen, tags, things, Mount(stands, spread), estimates))
-    assert found.doubted == (("block",) if wrong else ())
+    assert found.outliers.estimates == (("block",) if wrong else ())
     off = pose_difference(found.poses["block"], truth)
     return np.asarray(np.linalg.solve(np.linalg.cholesky(found.covariances["block"]), off))
 

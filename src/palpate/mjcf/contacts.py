@@ -267,7 +267,7 @@ def hanging_force(body: BodyDescription) -> str:
     if weight == 0.0:
         return "there is no gravity (<option gravity>)"
     if model.body_gravcomp[model.body(body.name).id]:
-        return "gravcomp bears a part of its weight"
+        return "gravcomp carries a part of its weight"
     data = mujoco.MjData(model)
     friction = float(model.dof_frictionloss[moved].max())
     # First at rest, standing and lifted, where springs pull. Then on the way up, where damping and joint
