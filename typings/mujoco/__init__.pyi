@@ -306,8 +306,6 @@ class MjModel:
     body_contype: _Ints
     body_conaffinity: _Ints
     body_gravcomp: _Doubles
-    actuator_trntype: _Ints
-    actuator_trnid: _Ints
     geom_rbound: _Doubles
     geom_dataid: _Ints
     geom_group: _Ints

@@ -3,9 +3,8 @@
 from collections.abc import Sequence
 
 import numpy as np
-from numpy.typing import NDArray
-
 from mujoco import MjData, MjModel
+from numpy.typing import NDArray
 
 class Rollout:
     def __init__(self, *, nthread: int | None = None) -> None: ...
