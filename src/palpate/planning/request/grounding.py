@@ -87,6 +87,9 @@ def ground(request: str, scene: Scene) -> Grounded:
     if not reading.wanted and not reading.looked:
         cannot = (*resolver.cannot, *unfelt)
         if cannot and not reading.asked:
+            if any(one.has("NOT") and not is_sure(one) for one in sentences):
+                # "Do not take its temperature" does not request it.
+                raise PlanRejected(" ".join(dict.fromkeys(cannot)))
             return Grounded((), tuple(dict.fromkeys(cannot)))
         raise resolver.not_understood(unused)
     within = _within(sentences, reading)

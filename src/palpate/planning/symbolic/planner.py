@@ -79,18 +79,14 @@ class SymbolicPlanner:
         try:
             asked = asked_parameters(request, scene, self.measure)
         except (InputError, PlanRejected):
-            if request is None:
+            carried = self._errand(request, scene)
+            if carried is None:
                 raise
-            from palpate.planning.symbolic.efforts import errand
-
-            found = errand(request, scene)
-            if found is None:
-                raise
-            chainer = Backchainer(scene)
-            chainer.go_home()
-            chainer.hold(found.tool, found.spots)
-            chainer.go_home()
-            return Plan((), chainer.tree(), found.explanation, self.name)
+            return carried
+        if asked.cannot and not asked.asked:
+            carried = self._errand(request, scene)
+            if carried is not None:
+                return carried
         # Separate stated values and quantities that no primitive measures.
         known, wanted = split_known(asked.asked, scene, self.remeasure)
         cannot = [UnmeasuredParameters(reason) for reason in asked.cannot]
@@ -124,6 +120,21 @@ class SymbolicPlanner:
             declared=None if wanted or unmeasured else "nothing_missing",
             unmeasured=unmeasured,
         )
+
+    def _errand(self, request: str | None, scene: Scene) -> Plan | None:
+        """Plan to carry a tool without a measurement; None if the request is no errand."""
+        if request is None:
+            return None
+        from palpate.planning.symbolic.efforts import errand
+
+        found = errand(request, scene)
+        if found is None:
+            return None
+        chainer = Backchainer(scene)
+        chainer.go_home()
+        chainer.hold(found.tool, found.spots)
+        chainer.go_home()
+        return Plan((), chainer.tree(), found.explanation, self.name)
 
 
 @dataclass(frozen=True, slots=True)
