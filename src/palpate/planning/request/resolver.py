@@ -143,11 +143,15 @@ class Resolver:
         return "everything that is missing"
 
     def absent(self, thing: Thing) -> InputError | PlanRejected:
-        """Make the error for a noun that names no body; an unknown word may still mean one."""
-        if not thing.known:
+        """Make the error for a noun that names no body; an unknown word may still mean one.
+
+        If a body of the scene's file has that name, the message states why it is not measured.
+        """
+        why = self.scene.resolved.description.why_no_body(thing.text)
+        if not thing.known and not why:
             return self.not_understood([thing.text])
         names = ", ".join(self.scene.bodies) or "no objects"
-        return InputError(f"the scene has no '{thing.text}'; it has {names}")
+        return InputError(f"the scene has no '{thing.text}'; it has {names}{why and '. ' + why}")
 
     def of_what(self, id: str) -> str:
         """Message on a quantity without a body."""
