@@ -13,7 +13,7 @@ from typing import Any
 
 from loopback import Loopback, Says
 
-FINDING = re.compile(r"^- (\S+?), ([\w-]+): (.*)$", re.MULTILINE)
+FINDING = re.compile(r"^- (\S+?)(?: \(the same at [^)]*\))?, ([\w-]+): (.*)$", re.MULTILINE)
 INDEX = re.compile(r"\[(\d+)\]")
 
 Node = dict[str, Any]
