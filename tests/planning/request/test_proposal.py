@@ -38,12 +38,18 @@ def test_unread_words_are_named_beside_the_proposal():
         ("Please weigh the mug which we bought last week.", ("bought last week",)),
         ("Weigh the mug made of glass.", ("made of glass",)),
         ("I found the mass of the mug.", ("found",)),
+        ("Weigh the mug with the bottle.", ("the bottle",)),
     ],
 )
 def test_remarks_in_a_sentence_that_asks_are_left_to_the_user(
     request_: str, not_used: tuple[str, ...]
 ):
     assert proposal(request_) == (["mug.mass"], not_used)
+
+
+def test_what_is_asked_of_one_body_together_with_another_is_asked_of_both():
+    asked = ground("Weigh the mug together with the bottle.", scene("kitchen")).asked
+    assert set(map(str, asked)) == {"mug.mass", "bottle.mass"}
 
 
 @pytest.mark.parametrize(

@@ -141,6 +141,7 @@ def _sentence(part: tuple[list[str], bool], spotter: Spotter) -> Sentence:
     words, question = part
     spots = spotter.spots(words)
     _find_absent(spots, words)
+    _set_tools_aside(spots, words)
     return Sentence(words, spots, question)
 
 
@@ -167,6 +168,21 @@ def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
             text = " ".join(words[spot.start : spot.end])
             spot.thing = Thing(text, (), known=known)
         else:
+            spot.thing, spot.classes = None, {}
+
+
+def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
+    """Do not use bodies as tools: "weigh the mug with the spoon" asks for the mug alone."""
+    if any(spot.has("C", "SIMULATE") for spot in spots):
+        return  # "compare the mug with the bottle"
+    for at, spot in enumerate(spots):
+        if spot.thing is None or spot.has("MARK"):
+            continue
+        start = at
+        while start and spots[start - 1].has("DET", "ITS") and spots[start - 1].thing is None:
+            start -= 1
+        before = [words[one.start] for one in spots[max(start - 2, 0) : start]]
+        if before[-1:] == ["with"] and before[0] not in ("together", "along"):
             spot.thing, spot.classes = None, {}
 
 
