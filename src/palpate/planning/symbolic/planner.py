@@ -10,7 +10,6 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter, PlanRejected
@@ -32,10 +31,6 @@ from palpate.primitives.rules.solids import solids
 from palpate.scene.load import TEMPORARY, is_open, risen
 from palpate.scene.remarks import contradictions, overlap_of
 from palpate.scene.scene import Scene
-
-if TYPE_CHECKING:
-    pass
-
 
 # Quantities of the exhaustive baseline by role: "probe heights, weigh, and test friction" in the
 # paper.
