@@ -53,18 +53,13 @@ FIGURES = ("coulomb", "viscous", "armature", "offset")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFigure:
-    """Identified quantity of each of n joints.
+    """Identified quantity of each of n joints."""
 
-    Attributes:
-        value, std: (n,).
-        prior: prior standard deviation.
-        shown: (n,) True for joints whose motion makes it observable.
-    """
-
+    # value, std: (n,)
     value: Array
     std: Array
-    prior: float
-    shown: Mask
+    prior: float  # prior standard deviation
+    shown: Mask  # (n,) True for joints whose motion makes it observable
 
     @property
     def observed(self) -> tuple[bool, ...]:
@@ -80,20 +75,15 @@ class JointFigure:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FoundHand:
-    """Everything that the last joint moves except its own link.
+    """Everything that the last joint moves except its own link."""
 
-    Attributes:
-        mass: kg.
-        centre: (3,) m from the TCP, in tool axes; None where the mass is not significant.
-        mass_std, centre_std: their standard deviations.
-        parameters: (10,) about the last joint's anchor, as in the regressor.
-    """
-
-    mass: float
+    mass: float  # kg
+    # mass_std, centre_std: their standard deviations
     mass_std: float
+    # (3,) m from the TCP, in tool axes; None where the mass is not significant.
     centre: Array | None
     centre_std: Array
-    parameters: Array
+    parameters: Array  # (10,) about the last joint's anchor, as in the regressor
 
     def record(self) -> dict[str, object]:
         """Figures as plain numbers for JSON."""
@@ -110,40 +100,31 @@ class FoundHand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class DynamicsFit:
-    """Identified dynamics of an arm.
+    """Identified dynamics of an arm."""
 
-    Attributes:
-        source: name of the recording.
-        arm: description that the fit starts from.
-        seconds, held_out: s, duration of the recording and of its held-out part.
-        coulomb: N m, Coulomb friction.
-        viscous: N m s/rad.
-        armature: kg m², inertia of a joint without its links: that of a motor, if torque is measured before the gears.
-        offset: N m, zero error of a sensor.
-        links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre.
-        parameters: (7, 10) of the corrected links, about their joints' anchors.
-        hand: identified hand; None where it was stated.
-        rms: (7,) N m, torque residual below `BAND` in the held-out part, by model: `described`, `friction`
-            (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
-        notes: repairs and defects of the recording.
-        contradictions: physically impossible figures, one sentence each with the likely cause. If there are any,
-            nothing is written.
-    """
-
-    source: str
-    arm: RobotDescription
+    source: str  # name of the recording
+    arm: RobotDescription  # description that the fit starts from
+    # seconds, held_out: s, duration of the recording and of its held-out part
     seconds: float
     held_out: float
-    coulomb: JointFigure
-    viscous: JointFigure
+    coulomb: JointFigure  # N m, Coulomb friction
+    viscous: JointFigure  # N m s/rad
+    # kg m², inertia of a joint without its links: that of a motor, if torque is measured before the
+    # gears.
     armature: JointFigure
-    offset: JointFigure
+    offset: JointFigure  # N m, zero error of a sensor
+    # links, links_std: (7, 10) corrections of mass, first moment and inertia about the described
+    # centre
     links: Array
     links_std: Array
-    parameters: Array
-    hand: FoundHand | None
+    parameters: Array  # (7, 10) of the corrected links, about their joints' anchors
+    hand: FoundHand | None  # identified hand; None where it was stated
+    # (7,) N m, torque residual below `BAND` in the held-out part, by model: `described`, `friction`
+    # (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
     rms: Mapping[str, Array]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # repairs and defects of the recording
+    # Physically impossible figures, one sentence each with the likely cause. If there are any,
+    # nothing is written.
     contradictions: tuple[str, ...] = ()
 
     def record(self) -> dict[str, object]:

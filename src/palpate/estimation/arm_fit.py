@@ -51,23 +51,15 @@ PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Bodies:
-    """Inertial parameters of an arm by its description.
+    """Inertial parameters of an arm by its description."""
 
-    Attributes:
-        links: (7, 10) of each link, without bodies fixed to the last one.
-        hand: (10,) of all that the last joint moves except its own link.
-        errors: (7, 10) standard deviations of mass, first moment and inertia about each link's centre.
-        anchors: (7, 3) m, positions of the joints at zero angles, in base axes.
-        reach: (3,) m, centre of the described hand from the last anchor.
-        load: kg, payload of the arm.
-    """
-
-    links: Array
-    hand: Array
+    links: Array  # (7, 10) of each link, without bodies fixed to the last one
+    hand: Array  # (10,) of all that the last joint moves except its own link
+    # (7, 10) standard deviations of mass, first moment and inertia about each link's centre.
     errors: Array
-    anchors: Array
-    reach: Array
-    load: float
+    anchors: Array  # (7, 3) m, positions of the joints at zero angles, in base axes
+    reach: Array  # (3,) m, centre of the described hand from the last anchor
+    load: float  # kg, payload of the arm
 
     @classmethod
     def of(
@@ -117,38 +109,23 @@ class Bodies:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Setup:
-    """Arm at its installation.
+    """Arm at its installation."""
 
-    Attributes:
-        chain: kinematics.
-        bodies: inertial parameters by the description.
-        home: (7,) rad, usual angles.
-        gravity: (3,) m/s², in base axes.
-        held: True if the logged torques exclude the described arm's gravity.
-    """
-
-    chain: Chain
-    bodies: Bodies
-    home: Array
-    gravity: Array
-    held: bool = False
+    chain: Chain  # kinematics
+    bodies: Bodies  # inertial parameters by the description
+    home: Array  # (7,) rad, usual angles
+    gravity: Array  # (3,) m/s², in base axes
+    held: bool = False  # True if the logged torques exclude the described arm's gravity
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FeltTorque:
-    """Torque that the joints bear in a stretch of n rows, and what grows with it.
+    """Torque that the joints bear in a stretch of n rows, and what grows with it."""
 
-    Attributes:
-        step: s, time between rows.
-        torque: (n, 7) N m, of the described arm and of the load.
-        friction: (n, 7) Dahl friction of unit level.
-        usual: (7,) N m, size of the torque at home, where the joints have their usual friction.
-    """
-
-    step: float
-    torque: Array
-    friction: Array
-    usual: Array
+    step: float  # s, time between rows
+    torque: Array  # (n, 7) N m, of the described arm and of the load
+    friction: Array  # (n, 7) Dahl friction of unit level
+    usual: Array  # (7,) N m, size of the torque at home, where the joints have their usual friction
 
     def more(self, torque: Array) -> FeltTorque:
         """Copy with a further `torque` (n, 7), N m."""
@@ -175,26 +152,16 @@ class FeltTorque:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectrumRows:
-    """Torques and their causes in the frequency domain: k coefficients of each of 7 joints.
+    """Torques and their causes in the frequency domain: k coefficients of each of 7 joints."""
 
-    Attributes:
-        tau: (k, 7) N m.
-        tau_ext: (k, 7) N m, the controller's own estimate; None where not logged.
-        columns: (k, 7, c) columns of each cause, by name.
-        frequency: (k,) Hz.
-        kind: (k,) kind of each row, see `EqualMotions`. Each kind has a residual of its own.
-        samples: number of rows of the stretches, in the time domain.
-        felt: torque of the arm in each stretch, in the time domain.
-        equal: combination of the stretches; None where each has its own rows.
-    """
-
-    tau: Array
-    tau_ext: Array | None
-    columns: Mapping[str, Array]
-    frequency: Array
-    kind: Array
-    samples: int
-    felt: tuple[FeltTorque, ...]
+    tau: Array  # (k, 7) N m
+    tau_ext: Array | None  # (k, 7) N m, the controller's own estimate; None where not logged
+    columns: Mapping[str, Array]  # (k, 7, c) columns of each cause, by name
+    frequency: Array  # (k,) Hz
+    kind: Array  # (k,) kind of each row, see `EqualMotions`. Each kind has a residual of its own.
+    samples: int  # number of rows of the stretches, in the time domain
+    felt: tuple[FeltTorque, ...]  # torque of the arm in each stretch, in the time domain
+    # Combination of the stretches; None where each has its own rows.
     equal: EqualMotions | None = None
 
     @classmethod
@@ -459,17 +426,11 @@ class Assumed:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmFit:
-    """Fit of an arm's torques.
+    """Fit of an arm's torques."""
 
-    Attributes:
-        assumed: prior knowledge.
-        posterior: posterior of the causes.
-        level: (7,) N m, joint friction that scales the relative priors.
-    """
-
-    assumed: Assumed
-    posterior: Posterior
-    level: Array
+    assumed: Assumed  # prior knowledge
+    posterior: Posterior  # posterior of the causes
+    level: Array  # (7,) N m, joint friction that scales the relative priors
 
     def predicted(self, rows: SpectrumRows) -> Array:
         """(k, 7) torques, N m, predicted for other rows."""

@@ -402,15 +402,10 @@ def frequencies(count: int, rows: int, step: float) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SpectralNoise:
-    """Independent noise of n rows.
+    """Independent noise of n rows."""
 
-    Attributes:
-        std: (n,) N m.
-        freedom: degrees of freedom of the noise estimate.
-    """
-
-    std: Array
-    freedom: float
+    std: Array  # (n,) N m
+    freedom: float  # degrees of freedom of the noise estimate
 
     @property
     def volume(self) -> float:
@@ -427,13 +422,10 @@ class ResidualSpectrum:
     """Candidate spectra of the residual: white noise plus low-frequency noise.
 
     Drift, unmodelled friction and gear ripple have more power at low frequencies.
-
-    Attributes:
-        frequency: (k,) Hz.
-        is_difference: True for differences of equal motions. There the sensors' 1/f noise is left.
     """
 
-    frequency: Array
+    frequency: Array  # (k,) Hz
+    # True for differences of equal motions. There the sensors' 1/f noise is left.
     is_difference: bool = False
 
     @cached_property

@@ -45,25 +45,16 @@ BELIEVED = "what was believed before"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Grasps:
-    """Linear equations `rows` c = `right` for the centre of mass c in the body frame, two per hold.
+    """Linear equations `rows` c = `right` for the centre of mass c in the body frame, two per hold."""
 
-    Attributes:
-        recordings: one per hold.
-        rows: (2n, 3) coefficients.
-        right: (2n,) m.
-        covariance: (2n, 2n) m², of `right`.
-        loose: m, additional std of each equation: the arm's own weight adds a moment when its pose is wrong.
-        freedom: degrees of freedom of the noise.
-        shared: causes shared with other runs, with their effects (2n,) on `right`.
-    """
-
-    recordings: Sequence[Recording]
-    rows: Array
-    right: Array
-    covariance: Array
+    recordings: Sequence[Recording]  # one per hold
+    rows: Array  # (2n, 3) coefficients
+    right: Array  # (2n,) m
+    covariance: Array  # (2n, 2n) m², of `right`
+    # m, additional std of each equation: the arm's own weight adds a moment when its pose is wrong.
     loose: float
-    freedom: float
-    shared: tuple[Shared, ...]
+    freedom: float  # degrees of freedom of the noise
+    shared: tuple[Shared, ...]  # causes shared with other runs, with their effects (2n,) on `right`
 
 
 def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Grasps:

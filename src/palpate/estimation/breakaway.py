@@ -57,23 +57,17 @@ FLOOR = 1e-300
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Parting:
-    """Likelihood of the static coefficient from one breakaway.
+    """Likelihood of the static coefficient from one breakaway."""
 
-    Attributes:
-        drag: its number.
-        chance: (m,) relative likelihood of each tried value, without the error of other causes than friction.
-        mean, variance: moments of that likelihood.
-        rows: rows at the limit of static friction.
-        normal: N, mean normal force in these rows.
-        turning: N, change of joint friction between these rows and those after the joints have reversed.
-    """
-
-    drag: int
+    drag: int  # its number
+    # (m,) relative likelihood of each tried value, without the error of other causes than friction.
     chance: Array
+    # mean, variance: moments of that likelihood
     mean: float
     variance: float
-    rows: slice
-    normal: float
+    rows: slice  # rows at the limit of static friction
+    normal: float  # N, mean normal force in these rows
+    # N, change of joint friction between these rows and those after the joints have reversed.
     turning: float
 
 

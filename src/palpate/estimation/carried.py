@@ -88,29 +88,19 @@ LOAD, HAND, ZERO_DRIFT = "load", "hand", "drift"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class CarriedLoad:
-    """Fitted load of a recording.
+    """Fitted load of a recording."""
 
-    Attributes:
-        value: (10,) kg, kg m and kg m²: mass, first moment and inertia about the TCP, in the tool's
-            axes.
-        covariance: (10, 10) of `value`.
-        motions: s stretches of the recording, each loaded or empty throughout.
-        hanging: (s,) stretches in which the load was carried.
-        torques: s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch,
-            carried or not.
-        equal: groups of stretches with the same motion.
-        posterior: of the fit.
-        explained: test that the described arm explains the recording.
-    """
-
+    # (10,) kg, kg m and kg m²: mass, first moment and inertia about the TCP, in the tool's axes.
     value: Array
-    covariance: Array
-    motions: Sequence[JointMotion]
-    hanging: Mask
+    covariance: Array  # (10, 10) of `value`
+    motions: Sequence[JointMotion]  # s stretches of the recording, each loaded or empty throughout
+    hanging: Mask  # (s,) stretches in which the load was carried
+    # s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch, carried or
+    # not.
     torques: Sequence[Array]
-    equal: EqualMotions
-    posterior: Posterior
-    explained: FitTest
+    equal: EqualMotions  # groups of stretches with the same motion
+    posterior: Posterior  # of the fit
+    explained: FitTest  # test that the described arm explains the recording
 
     @property
     def compared(self) -> bool:

@@ -51,20 +51,13 @@ sensitive."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spans:
-    """Stretches of motion that k rows average.
+    """Stretches of motion that k rows average."""
 
-    Attributes:
-        t: (k,) s, midpoints.
-        lasts: (k,) s, durations.
-        path: (k, m) rad, path of each joint until then.
-        turns: (k, m) rad, path of each joint within each.
-        angle: (k, m) rad, angles at the midpoints; None where the residual is none of the joints'.
-    """
-
-    t: Array
-    lasts: Array
-    path: Array
-    turns: Array
+    t: Array  # (k,) s, midpoints
+    lasts: Array  # (k,) s, durations
+    path: Array  # (k, m) rad, path of each joint until then
+    turns: Array  # (k, m) rad, path of each joint within each
+    # (k, m) rad, angles at the midpoints; None where the residual is none of the joints'.
     angle: Array | None = None
 
     @classmethod
@@ -126,15 +119,10 @@ def _variance_of_means(within: Array, length: float) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ColouredResidual:
-    """Coloured residual of m joints.
+    """Coloured residual of m joints."""
 
-    Attributes:
-        variances: (m, c) N² m² of its processes.
-        freedom: (m,) degrees of freedom of their size.
-    """
-
-    variances: Array
-    freedom: Array
+    variances: Array  # (m, c) N² m² of its processes
+    freedom: Array  # (m,) degrees of freedom of their size
 
     def covariance(self, spans: Spans, joint: int) -> Array:
         """Compute the covariance (k, k), N² m², of a joint's means over `spans`."""

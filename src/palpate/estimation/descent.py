@@ -159,37 +159,23 @@ GUARDED = "MoveUntilContact"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Descent:
-    """Samples from the start of a guarded descent to the end of the recording after it.
+    """Samples from the start of a guarded descent to the end of the recording after it."""
 
-    Attributes:
-        samples: of the whole motion.
-        leaf: the descent itself.
-        z: (n,) m, tip height.
-        force: (n,) N, pressing force, less that in free air.
-        smooth: (n,) N, its running median.
-        noise: N, standard deviation of a row's force in free air.
-        onset: last row before the contact.
-        pressed: (n,) rows of the recording.
-        set_out: (6,) N, N m, change of the wrench as the arm started: friction of the joints.
-        wander: (6,) N, N m, standard deviation of the wrench in free air, in means of `BLOCK_ROWS`
-            rows: friction and drift that change with the place. The entry of the pressing force is
-            about its linear trend.
-        slope: N/m, of that linear trend.
-        joint_friction: (n,) N, part of the force caused by friction in joints that reverse during
-            the motion.
-    """
-
-    samples: Samples
-    leaf: LeafRun
-    z: Array
-    force: Array
-    smooth: Array
-    noise: float
-    onset: int
-    pressed: Mask
-    set_out: Array
+    samples: Samples  # of the whole motion
+    leaf: LeafRun  # the descent itself
+    z: Array  # (n,) m, tip height
+    force: Array  # (n,) N, pressing force, less that in free air
+    smooth: Array  # (n,) N, its running median
+    noise: float  # N, standard deviation of a row's force in free air
+    onset: int  # last row before the contact
+    pressed: Mask  # (n,) rows of the recording
+    set_out: Array  # (6,) N, N m, change of the wrench as the arm started: friction of the joints
+    # (6,) N, N m, standard deviation of the wrench in free air, in means of `BLOCK_ROWS` rows:
+    # friction and drift that change with the place. The entry of the pressing force is about its
+    # linear trend.
     wander: Array
-    slope: float
+    slope: float  # N/m, of that linear trend
+    # (n,) N, part of the force caused by friction in joints that reverse during the motion.
     joint_friction: Array
 
     @property
@@ -358,23 +344,14 @@ def running_median(values: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ChangePoint:
-    """Piecewise linear force: f = a + b (z - z1) + k max(z0 - z, 0).
+    """Piecewise linear force: f = a + b (z - z1) + k max(z0 - z, 0)."""
 
-    Attributes:
-        begin: m, z1, height of the first row.
-        level: N, a, force in free air at z1.
-        slope: N/m, b, of the force in free air.
-        stiffness: N/m, k, of the contact.
-        height: m, z0, of the contact.
-        squares: weighted sum of squared residuals, with the prior's term.
-    """
-
-    begin: float
-    level: float
-    slope: float
-    stiffness: float
-    height: float
-    squares: float
+    begin: float  # m, z1, height of the first row
+    level: float  # N, a, force in free air at z1
+    slope: float  # N/m, b, of the force in free air
+    stiffness: float  # N/m, k, of the contact
+    height: float  # m, z0, of the contact
+    squares: float  # weighted sum of squared residuals, with the prior's term
 
     def free_air(self, z: Array) -> Array:
         """Evaluate the force in free air, (n,) N."""

@@ -73,25 +73,17 @@ FIRST = 18
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Columns:
-    """Design matrix of the linear unknowns of several drags.
+    """Design matrix of the linear unknowns of several drags."""
 
-    Attributes:
-        of: for each drag (n, p), one row for each row of the drag.
-        levers: for each drag (m,), force in N by a unit of each signal: 1 N m in a joint, or 1 N in the wrench.
-        expected: (p,) prior means.
-        fixed: (p,) prior standard deviations.
-        uneven: (p,) additional prior standard deviations per share of uneven friction.
-        joints: columns of the joints' friction.
-        gains: columns of the joints' gains.
-    """
-
-    of: tuple[Array, ...]
+    of: tuple[Array, ...]  # for each drag (n, p), one row for each row of the drag
+    # For each drag (m,), force in N by a unit of each signal: 1 N m in a joint, or 1 N in the
+    # wrench.
     levers: tuple[Array, ...]
-    expected: Array
-    fixed: Array
-    uneven: Array
-    joints: slice
-    gains: slice
+    expected: Array  # (p,) prior means
+    fixed: Array  # (p,) prior standard deviations
+    uneven: Array  # (p,) additional prior standard deviations per share of uneven friction
+    joints: slice  # columns of the joints' friction
+    gains: slice  # columns of the joints' gains
 
     def prior(self, share: float) -> Array:
         """Prior standard deviations (p,) for a `share` of uneven friction."""

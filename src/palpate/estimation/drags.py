@@ -101,24 +101,15 @@ SLOW = 0.08
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hanging:
-    """Reference state of a drag: the object hanging in free air.
+    """Reference state of a drag: the object hanging in free air."""
 
-    Attributes:
-        force: (3,) N.
-        q: (7,) rad.
-        turned: (7,) mean direction (-1 to 1) of the last motion of each joint.
-        friction: (7,) N m in each joint, from free motions.
-        unsure: (7,) N m, standard deviation of `friction`.
-        noise: noise of each signal, at rest or in slow motion through free air.
-        left: residual of the arm model with an empty hand; None where none was recorded.
-    """
-
-    force: Array
-    q: Array
-    turned: Array
-    friction: Array
-    unsure: Array
-    noise: SignalLevels
+    force: Array  # (3,) N
+    q: Array  # (7,) rad
+    turned: Array  # (7,) mean direction (-1 to 1) of the last motion of each joint
+    friction: Array  # (7,) N m in each joint, from free motions
+    unsure: Array  # (7,) N m, standard deviation of `friction`
+    noise: SignalLevels  # noise of each signal, at rest or in slow motion through free air
+    # Residual of the arm model with an empty hand; None where none was recorded.
     left: ColouredResidual | None
 
 

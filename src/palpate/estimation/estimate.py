@@ -34,19 +34,12 @@ OUTSIDE = 0.05
 
 @dataclass(frozen=True, slots=True)
 class FitTest:
-    """Goodness-of-fit test: a statistic against its limit.
+    """Goodness-of-fit test: a statistic against its limit."""
 
-    Attributes:
-        name: subject of the test, e.g. `up against down`.
-        statistic: size of the deviation.
-        limit: largest statistic that passes.
-        finding: one sentence for people on the deviation; shown where the test fails.
-    """
-
-    name: str
-    statistic: float
-    limit: float
-    finding: str
+    name: str  # subject of the test, e.g. `up against down`.
+    statistic: float  # size of the deviation
+    limit: float  # largest statistic that passes
+    finding: str  # one sentence for people on the deviation; shown where the test fails
 
     @property
     def passed(self) -> bool:
@@ -135,30 +128,22 @@ Mask = NDArray[np.bool_]
 
 @dataclass(frozen=True, slots=True, eq=False, kw_only=True)
 class FitView:
-    """Chart of one fit: measured values, predictions and standard deviations.
+    """Chart of one fit: measured values, predictions and standard deviations."""
 
-    Attributes:
-        name: title.
-        note: one or two sentences that explain the chart.
-        axes: labels of `x` and of the values, each with its unit.
-        x: (n,) abscissa.
-        measured, predicted: (n,) in one unit; NaN in `measured` breaks a curve.
-        std: (n,) of `measured` about `predicted`, or one for all; 0 where it is not stated.
-        used: (n,) rows that the fit uses; None for all.
-        groups: (n,) words for the legend, at most three different ones, or one for all.
-        slopes: (n, p) derivatives of `predicted` by the p components of the estimate, for its interval and the
-            truth; None where the estimate does not determine `predicted`.
-    """
-
-    name: str
-    note: str
-    axes: tuple[str, str]
-    x: Array
+    name: str  # title
+    note: str  # one or two sentences that explain the chart
+    axes: tuple[str, str]  # labels of `x` and of the values, each with its unit
+    x: Array  # (n,) abscissa
+    # measured, predicted: (n,) in one unit; NaN in `measured` breaks a curve
     measured: Array
     predicted: Array
+    # (n,) of `measured` about `predicted`, or one for all; 0 where it is not stated.
     std: Array | float = 0.0
-    used: Mask | None = None
+    used: Mask | None = None  # (n,) rows that the fit uses; None for all
+    # (n,) words for the legend, at most three different ones, or one for all.
     groups: Sequence[str] | str = "measured"
+    # (n, p) derivatives of `predicted` by the p components of the estimate, for its interval and
+    # the truth; None where the estimate does not determine `predicted`.
     slopes: Array | None = None
 
 

@@ -39,32 +39,22 @@ class Passes:
     """Block means of k blocks, from passes with the handle in the hand and with the empty hand.
 
     Forces act along the joint: N for a slide, N m for a hinge. The arm has m joints.
-
-    Attributes:
-        t: (k,) s.
-        held: (k,) 1 with the handle in the hand, else 0.
-        recording: (k,) number of the recording.
-        travel: (k,) m or rad, from the start of the recording.
-        rate, acceleration: (k,) travel per s, per s².
-        force: (k,) force of the hand, from the torques of the arm's joints.
-        white: (k,) variance of `force` by white noise.
-        rubbing: (k, m) force per N m of friction in each joint, signed by its last motion.
-        viscous: (k, m) force per N m s/rad of viscous friction in each joint.
-        moved: (k, m) force by the inertial torque of the links, joint by joint; (k, 0) if unknown.
-        shown: (k, m) force per relative error of each torque sensor, for a unit force along the joint.
     """
 
-    t: Array
-    held: Array
-    recording: Array
-    travel: Array
+    t: Array  # (k,) s
+    held: Array  # (k,) 1 with the handle in the hand, else 0
+    recording: Array  # (k,) number of the recording
+    travel: Array  # (k,) m or rad, from the start of the recording
+    # rate, acceleration: (k,) travel per s, per s²
     rate: Array
     acceleration: Array
-    force: Array
-    white: Array
-    rubbing: Array
-    viscous: Array
+    force: Array  # (k,) force of the hand, from the torques of the arm's joints
+    white: Array  # (k,) variance of `force` by white noise
+    rubbing: Array  # (k, m) force per N m of friction in each joint, signed by its last motion
+    viscous: Array  # (k, m) force per N m s/rad of viscous friction in each joint
+    # (k, m) force by the inertial torque of the links, joint by joint; (k, 0) if unknown.
     moved: Array
+    # (k, m) force per relative error of each torque sensor, for a unit force along the joint.
     shown: Array
 
 
@@ -211,23 +201,15 @@ OF_JOINT = (DRY, DAMPING, SPRING, INERTIA, PULL, ONSET)
 
 @dataclass(frozen=True, slots=True, eq=False)
 class JointFit:
-    """Fit of all passes of one fixture.
+    """Fit of all passes of one fixture."""
 
-    Attributes:
-        joint: joint of the fixture.
-        lever: m that the handle moves per unit of the joint's position.
-        recordings: recordings with the handle in the hand, and with the empty hand.
-        passes: block means.
-        posterior: posterior of all causes.
-        tests: tests of the model.
-    """
-
-    joint: Joint
-    lever: float
+    joint: Joint  # joint of the fixture
+    lever: float  # m that the handle moves per unit of the joint's position
+    # Recordings with the handle in the hand, and with the empty hand.
     recordings: tuple[Recording, ...]
-    passes: Passes
-    posterior: Posterior
-    tests: tuple[FitTest, ...]
+    passes: Passes  # block means
+    posterior: Posterior  # posterior of all causes
+    tests: tuple[FitTest, ...]  # tests of the model
 
     def of(self, name: str) -> tuple[float, float]:
         """Value and standard deviation of a cause `name` with one unknown."""

@@ -44,36 +44,22 @@ SLIDING_NOISE = 1e-3
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FrictionPosterior:
-    """Normal posterior of all unknowns.
+    """Normal posterior of all unknowns."""
 
-    Attributes:
-        mean: (p,) posterior mean.
-        covariance: (p, p).
-        errors: (p,) error of the estimated friction by one prior deviation of each unknown.
-        evidence: log evidence of the forces.
-    """
-
-    mean: Array
-    covariance: Array
-    errors: Array
-    evidence: float = 0.0
+    mean: Array  # (p,) posterior mean
+    covariance: Array  # (p, p)
+    errors: Array  # (p,) error of the estimated friction by one prior deviation of each unknown
+    evidence: float = 0.0  # log evidence of the forces
 
 
 @dataclass(frozen=True, eq=False)
 class TangentialForces:
-    """Tangential forces in m blocks of steady sliding.
+    """Tangential forces in m blocks of steady sliding."""
 
-    Attributes:
-        force: (m,) N, tangential.
-        design: (m, p), one column for each unknown.
-        noise: (m,) N², variance within a block.
-        root: (m, m) N, Cholesky factor of the covariance of all noise.
-    """
-
-    force: Array
-    design: Array
-    noise: Array
-    root: Array
+    force: Array  # (m,) N, tangential
+    design: Array  # (m, p), one column for each unknown
+    noise: Array  # (m,) N², variance within a block
+    root: Array  # (m, m) N, Cholesky factor of the covariance of all noise
 
     @cached_property
     def white(self) -> tuple[Array, Array]:
@@ -115,25 +101,15 @@ class Difference:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Sliding:
-    """Fit of steady sliding to all drags.
+    """Fit of steady sliding to all drags."""
 
-    Attributes:
-        columns: columns of the unknowns.
-        forces: forces in blocks of steady sliding.
-        found: posterior of the unknowns, averaged over the prior scales.
-        uneven: variation (1 sigma) of the friction with direction, position and speed.
-        misfit: N, root mean square of the residuals beyond the noise.
-        disagreement: chi-squared statistic of the residuals.
-        freedom: its degrees of freedom.
-    """
-
-    columns: Columns
-    forces: TangentialForces
-    found: FrictionPosterior
-    uneven: float
-    misfit: float
-    disagreement: float
-    freedom: int
+    columns: Columns  # columns of the unknowns
+    forces: TangentialForces  # forces in blocks of steady sliding
+    found: FrictionPosterior  # posterior of the unknowns, averaged over the prior scales
+    uneven: float  # variation (1 sigma) of the friction with direction, position and speed
+    misfit: float  # N, root mean square of the residuals beyond the noise
+    disagreement: float  # chi-squared statistic of the residuals
+    freedom: int  # its degrees of freedom
 
     @property
     def shared(self) -> tuple[Shared, ...]:

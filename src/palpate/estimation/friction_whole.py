@@ -88,19 +88,13 @@ UNEVEN, HOLDS, LEAN, PULLS, STEP = (
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeFriction:
-    """Friction coefficient from a whole section of a trace.
+    """Friction coefficient from a whole section of a trace."""
 
-    Attributes:
-        friction: the coefficient.
-        std: its standard deviation.
-        shared: errors shared with measurements by the same arm, or of the same object.
-        stepped: N m, change of the sensors' zeros after the drags, root mean square.
-    """
-
-    friction: float
-    std: float
+    friction: float  # the coefficient
+    std: float  # its standard deviation
+    # Errors shared with measurements by the same arm, or of the same object.
     shared: tuple[Shared, ...]
-    stepped: float
+    stepped: float  # N m, change of the sensors' zeros after the drags, root mean square
 
     @property
     def explains(self) -> bool:
@@ -110,15 +104,10 @@ class WholeFriction:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Pressed:
-    """Support forces in k blocks: first those of free motion, then those of the drags.
+    """Support forces in k blocks: first those of free motion, then those of the drags."""
 
-    Attributes:
-        way: (k, 3) unit vector along the drag, 0 in free motion.
-        support: (k, FIRST) columns of `drag_causes.of_support`.
-    """
-
-    way: Array
-    support: Array
+    way: Array  # (k, 3) unit vector along the drag, 0 in free motion
+    support: Array  # (k, FIRST) columns of `drag_causes.of_support`
 
     @property
     def normal(self) -> Array:

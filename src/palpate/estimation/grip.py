@@ -132,15 +132,10 @@ SPREAD: Array = np.sqrt(1.0 - 2.0 / np.pi) * LIKELY
 
 @dataclass(frozen=True, slots=True)
 class Droop:
-    """Causes of an object's rotation in the hand: its moment and the age of the grasp.
+    """Causes of an object's rotation in the hand: its moment and the age of the grasp."""
 
-    Attributes:
-        moment: N m, moment of the level object about the closing axis of the fingers.
-        age: s, since the fingers closed on it.
-    """
-
-    moment: float
-    age: float
+    moment: float  # N m, moment of the level object about the closing axis of the fingers
+    age: float  # s, since the fingers closed on it
 
     @classmethod
     def since(cls, grasp: float, time: float, moment: float) -> Droop:
@@ -161,19 +156,12 @@ class Droop:
 
 @dataclass(frozen=True, slots=True)
 class PutDownRecord:
-    """End of a grasp.
+    """End of a grasp."""
 
-    Attributes:
-        grasp: s, time at which the hand had closed on the object.
-        pose_tcp_body: pose of the object in the hand at that time.
-        droop: droop until the hand came down with the object.
-        swept: rad, total angle by which tilts had turned the hand with it.
-    """
-
-    grasp: float
-    pose_tcp_body: Pose
-    droop: Droop
-    swept: float
+    grasp: float  # s, time at which the hand had closed on the object
+    pose_tcp_body: Pose  # pose of the object in the hand at that time
+    droop: Droop  # droop until the hand came down with the object
+    swept: float  # rad, total angle by which tilts had turned the hand with it
 
     def displacement_std(self, body: Body) -> float:
         """Displacement along the fingers, m (1 sigma), as a drooped object is put down and levels.

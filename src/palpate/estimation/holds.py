@@ -34,24 +34,16 @@ TILT_HELD = 0.5
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hold:
-    """Hold of an object at rest.
+    """Hold of an object at rest."""
 
-    Attributes:
-        recording: recording of the hold.
-        grasp: s, time at which the hand had closed on the object.
-        pose_world_tcp: mean pose of the hand during the hold.
-        pose_tcp_body: pose of the object in the hand: its pose in the scene relative to the measured hand as it
-            closed.
-        droop: rotation in the grip since the grasp.
-        swept: rad, total angle by which tilts have turned the hand since the grasp.
-    """
-
-    recording: Recording
-    grasp: float
-    pose_world_tcp: Pose
+    recording: Recording  # recording of the hold
+    grasp: float  # s, time at which the hand had closed on the object
+    pose_world_tcp: Pose  # mean pose of the hand during the hold
+    # Pose of the object in the hand: its pose in the scene relative to the measured hand as it
+    # closed.
     pose_tcp_body: Pose
-    droop: Droop
-    swept: float
+    droop: Droop  # rotation in the grip since the grasp
+    swept: float  # rad, total angle by which tilts have turned the hand since the grasp
 
     @property
     def along(self) -> Array:
@@ -61,21 +53,14 @@ class Hold:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ObjectHolds:
-    """All holds of one object, n of them.
+    """All holds of one object, n of them."""
 
-    Attributes:
-        load: load on the hand; each of its `grasps` is one of the holds.
-        links: (1 + 2n,) effect of each error of the arm's links on the load's value, by name, where known.
-        holds: the holds, in the order of the load's grasps.
-        weighings: segments to which the load was fitted.
-        put_down: ends of the grasps in which the object was held at rest.
-    """
-
-    load: LoadEstimate
+    load: LoadEstimate  # load on the hand; each of its `grasps` is one of the holds
+    # (1 + 2n,) effect of each error of the arm's links on the load's value, by name, where known.
     links: Mapping[str, Array]
-    holds: Sequence[Hold]
-    weighings: Sequence[Weighing]
-    put_down: Sequence[PutDownRecord]
+    holds: Sequence[Hold]  # the holds, in the order of the load's grasps
+    weighings: Sequence[Weighing]  # segments to which the load was fitted
+    put_down: Sequence[PutDownRecord]  # ends of the grasps in which the object was held at rest
 
     @property
     def turned(self) -> bool:

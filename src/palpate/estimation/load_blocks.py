@@ -62,44 +62,29 @@ Rows = NDArray[np.intp]
 
 @dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Blocks:
-    """Means over k blocks of time, each so short that nothing moves far.
+    """Means over k blocks of time, each so short that nothing moves far."""
 
-    Attributes:
-        rows: (k,) samples in each.
-        t: (k,) s.
-        q, dq: (k, m) rad, rad/s.
-        path: (k, m) rad, path length of each joint in both directions.
-        observed: (k, m) N m, without the torque that moves the arm's links.
-        moved: (k, m) N m, that torque.
-        maps: (k, m, 6) see `WrenchObservation.maps`.
-        tool: (k, 3, 3) the hand's axes in the world.
-        acceleration: (k, 3) m/s² of the TCP.
-        pull: (k, 3) upward force of the load per unit of its weight; 0 where it does not hang.
-        swung: (k, 3, 3) 1/m, further force per unit of weight and metre of lever from the TCP, as
-            the hand turns.
-        turning: (k, 3, 6) N m, world, inertial moment per kg m² of an inertia in the axes of the
-            hand, xx yy zz xy xz yz; 0 where the load does not hang.
-        grasp: (k,) s, of the load.
-        dahl: (k, m, 2 e) see `joint_friction.slip_states`.
-        resting: (k, rests) 1 where the arm is at a rest.
-    """
-
-    rows: Array
-    t: Array
+    rows: Array  # (k,) samples in each
+    t: Array  # (k,) s
+    # q, dq: (k, m) rad, rad/s
     q: Array
     dq: Array
-    path: Array
-    observed: Array
-    moved: Array
-    maps: Array
-    tool: Array
-    acceleration: Array
-    pull: Array
+    path: Array  # (k, m) rad, path length of each joint in both directions
+    observed: Array  # (k, m) N m, without the torque that moves the arm's links
+    moved: Array  # (k, m) N m, that torque
+    maps: Array  # (k, m, 6) see `WrenchObservation.maps`
+    tool: Array  # (k, 3, 3) the hand's axes in the world
+    acceleration: Array  # (k, 3) m/s² of the TCP
+    pull: Array  # (k, 3) upward force of the load per unit of its weight; 0 where it does not hang
+    # (k, 3, 3) 1/m, further force per unit of weight and metre of lever from the TCP, as the hand
+    # turns.
     swung: Array
+    # (k, 3, 6) N m, world, inertial moment per kg m² of an inertia in the axes of the hand, xx yy
+    # zz xy xz yz; 0 where the load does not hang.
     turning: Array
-    grasp: Array
-    dahl: Array
-    resting: Array
+    grasp: Array  # (k,) s, of the load
+    dahl: Array  # (k, m, 2 e) see `joint_friction.slip_states`
+    resting: Array  # (k, rests) 1 where the arm is at a rest
 
     def torques(self, force: Array) -> Array:
         """Map forces (k, 3), N, at the TCP to joint torques (k, m), N m."""

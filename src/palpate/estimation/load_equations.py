@@ -164,21 +164,13 @@ WAYS = {"up": 1.0, "down": -1.0}
 
 
 class ResidualStiction(NamedTuple):
-    """Columns of the joint torque that remains after an approach.
+    """Columns of the joint torque that remains after an approach."""
 
-    Attributes:
-        stuck: (n, 3 rests) signals per newton at the TCP along each axis, in each rest.
-        forces: (n, 3 passes) the same in each pass.
-        carried: (n, 3 pairs) the same in a rest and the pass that begins at it.
-        offsets: (n, m passes) an offset of each signal in each pass.
-        paired: (3 rests + 3 passes,) columns of `stuck` and `forces` that belong to such a pair.
-    """
-
-    stuck: Array
-    forces: Array
-    carried: Array
-    offsets: Array
-    paired: Mask
+    stuck: Array  # (n, 3 rests) signals per newton at the TCP along each axis, in each rest
+    forces: Array  # (n, 3 passes) the same in each pass
+    carried: Array  # (n, 3 pairs) the same in a rest and the pass that begins at it
+    offsets: Array  # (n, m passes) an offset of each signal in each pass
+    paired: Mask  # (3 rests + 3 passes,) columns of `stuck` and `forces` that belong to such a pair
 
     @property
     def columns(self) -> tuple[Array, Array, Array, Array]:
@@ -188,37 +180,25 @@ class ResidualStiction(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WeighingRows:
-    """Linear equations of a weighing, ordered by signal, then by bin.
+    """Linear equations of a weighing, ordered by signal, then by bin."""
 
-    Attributes:
-        observed: (n,) the signals.
-        root: (n, n) lower Cholesky factor of their covariance without the load.
-        wrench: (n, 6) signals per unit of each component of the load's wrench.
-        grasp: (n,) s, of the segment.
-        height: (n,) m along the path, about the mean of the loaded rows.
-        way: (n,) 1 up, -1 down, 0 at rest.
-        rest: (n,) 1 at rest.
-        dahl: (n, p) signals per unit of friction level in each joint, and per unit of its initial
-            state (`joint_friction`).
-        stiction: columns of the torque that remains after an approach, per rest and pass.
-        since: (n, k) signals per newton upward at the TCP, for a step that begins with the second
-            segment in time, the third, and so on.
-        signal: (n,) index of the signal of a row.
-        freedom: degrees of freedom of the noise.
-    """
-
-    observed: Array
-    root: Array
-    wrench: Array
-    grasp: Array
-    height: Array
-    way: Array
-    rest: Array
+    observed: Array  # (n,) the signals
+    root: Array  # (n, n) lower Cholesky factor of their covariance without the load
+    wrench: Array  # (n, 6) signals per unit of each component of the load's wrench
+    grasp: Array  # (n,) s, of the segment
+    height: Array  # (n,) m along the path, about the mean of the loaded rows
+    way: Array  # (n,) 1 up, -1 down, 0 at rest
+    rest: Array  # (n,) 1 at rest
+    # (n, p) signals per unit of friction level in each joint, and per unit of its initial state
+    # (`joint_friction`).
     dahl: Array
+    # Columns of the torque that remains after an approach, per rest and pass.
     stiction: ResidualStiction
+    # (n, k) signals per newton upward at the TCP, for a step that begins with the second segment in
+    # time, the third, and so on.
     since: Array
-    signal: NDArray[np.intp]
-    freedom: float
+    signal: NDArray[np.intp]  # (n,) index of the signal of a row
+    freedom: float  # degrees of freedom of the noise
 
 
 def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> WeighingRows:

@@ -207,31 +207,21 @@ LoadModel = tuple[list[Cause], SignalNoise, Array, list[PriorScale]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LoadEstimate:
-    """Estimate of one load over n grasps.
+    """Estimate of one load over n grasps."""
 
-    Attributes:
-        grasps: s, times of the grasps.
-        value: (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
-        covariance: (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share.
-        tests: for other forces on the load.
-        gains: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's gain.
-            Jointly calibrated gains are split into independent causes.
-        crosstalk: (1 + 2n, signals) effect on `value` of one standard deviation of each signal's
-            cross-talk.
-        weighings: the segments that were fitted.
-        rows: their equations.
-        posterior: of all unknowns.
-    """
-
-    grasps: tuple[float, ...]
+    grasps: tuple[float, ...]  # s, times of the grasps
+    # (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
     value: Array
-    covariance: Array
-    tests: tuple[FitTest, ...]
+    covariance: Array  # (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share
+    tests: tuple[FitTest, ...]  # for other forces on the load
+    # (1 + 2n, signals) effect on `value` of one standard deviation of each signal's gain. Jointly
+    # calibrated gains are split into independent causes.
     gains: Array
+    # (1 + 2n, signals) effect on `value` of one standard deviation of each signal's cross-talk.
     crosstalk: Array
-    weighings: Sequence[Weighing]
-    rows: Sequence[WeighingRows]
-    posterior: Posterior
+    weighings: Sequence[Weighing]  # the segments that were fitted
+    rows: Sequence[WeighingRows]  # their equations
+    posterior: Posterior  # of all unknowns
 
     @property
     def freedom(self) -> float:

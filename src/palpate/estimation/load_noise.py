@@ -62,17 +62,11 @@ Stability Analysis, NIST SP 1065)."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignalLevels:
-    """Noise levels of m signals, in squared units of the signals.
+    """Noise levels of m signals, in squared units of the signals."""
 
-    Attributes:
-        white: (m,) variance that the mean of n rows has, times n.
-        flicker: (m,) h², level at 1 Hz of a density h²/f, as far as it exceeds white noise.
-        freedom: degrees of freedom of both together over seconds.
-    """
-
-    white: Array
-    flicker: Array
-    freedom: float
+    white: Array  # (m,) variance that the mean of n rows has, times n
+    flicker: Array  # (m,) h², level at 1 Hz of a density h²/f, as far as it exceeds white noise
+    freedom: float  # degrees of freedom of both together over seconds
 
 
 def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows]) -> SignalLevels:
@@ -123,17 +117,11 @@ def block_noise(signals: Array, t: Array, cause: Array, windows: Sequence[Rows])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Stretch:
-    """Rows without a gap.
+    """Rows without a gap."""
 
-    Attributes:
-        period: s.
-        basis: (n, p) orthonormal, of the fitted trend and cause.
-        left: (n, m) residuals of the signals.
-    """
-
-    period: float
-    basis: Array
-    left: Array
+    period: float  # s
+    basis: Array  # (n, p) orthonormal, of the fitted trend and cause
+    left: Array  # (n, m) residuals of the signals
 
 
 def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
@@ -147,19 +135,12 @@ def _stretch(signals: Array, t: Array, cause: Array) -> _Stretch:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Differences:
-    """Second differences of block means.
+    """Second differences of block means."""
 
-    Attributes:
-        white: (m,) variance of a row if all noise were white.
-        rows: in a block.
-        period: s, of the samples.
-        count: number of differences.
-    """
-
-    white: Array
-    rows: int
-    period: float
-    count: int
+    white: Array  # (m,) variance of a row if all noise were white
+    rows: int  # in a block
+    period: float  # s, of the samples
+    count: int  # number of differences
 
 
 def _differences(stretches: Sequence[_Stretch], block: float) -> _Differences | None:
@@ -213,15 +194,11 @@ class LoadRows:
     """Rows of a trace with the object in the hand and with an empty hand.
 
     Rows while the fingers move are in neither.
-
-    Attributes:
-        loaded: (n,) with the object.
-        empty: (n,) with an empty hand.
-        grasps: s, times at which the content of the hand changed to or from the object.
     """
 
-    loaded: Mask
-    empty: Mask
+    loaded: Mask  # (n,) with the object
+    empty: Mask  # (n,) with an empty hand
+    # s, times at which the content of the hand changed to or from the object.
     grasps: tuple[float, ...]
 
 

@@ -42,32 +42,22 @@ from palpate.trace.samples import Trace
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WholeLoad:
-    """Load from all free motion around n grasps.
+    """Load from all free motion around n grasps."""
 
-    Attributes:
-        grasps: s, times at which the hand had closed on it.
-        value: (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes
-            of the hand, N m.
-        covariance: (1 + 3n, 1 + 3n) of `value`.
-        gains: (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors'
-            gains.
-        crosstalk: (1 + 3n, m) effect on `value` of one standard deviation of each sensor's
-            cross-talk.
-        links: (1 + 3n,) effect on `value` of each error of the arm's links, by name.
-        misfit: mean square of the residuals, in units of the noise.
-        seen: block means that were fitted.
-        posterior: of the fit.
-    """
-
-    grasps: tuple[float, ...]
+    grasps: tuple[float, ...]  # s, times at which the hand had closed on it
+    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the
+    # hand, N m.
     value: Array
-    covariance: Array
+    covariance: Array  # (1 + 3n, 1 + 3n) of `value`
+    # (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
     gains: Array
+    # (1 + 3n, m) effect on `value` of one standard deviation of each sensor's cross-talk.
     crosstalk: Array
+    # (1 + 3n,) effect on `value` of each error of the arm's links, by name.
     links: Mapping[str, Array]
-    misfit: float
-    seen: Blocks
-    posterior: Posterior
+    misfit: float  # mean square of the residuals, in units of the noise
+    seen: Blocks  # block means that were fitted
+    posterior: Posterior  # of the fit
 
     @property
     def force(self) -> float:

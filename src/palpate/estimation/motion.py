@@ -145,17 +145,11 @@ def aligned_rows(samples: Samples, pose: Pose) -> Mask:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class MeanVelocity:
-    """Mean linear velocity of the TCP.
+    """Mean linear velocity of the TCP."""
 
-    Attributes:
-        value: (3,) m/s, world axes.
-        std: (3,) m/s, its standard deviation.
-        duration: s.
-    """
-
-    value: Array
-    std: Array
-    duration: float
+    value: Array  # (3,) m/s, world axes
+    std: Array  # (3,) m/s, its standard deviation
+    duration: float  # s
 
     def view(self, trace: Trace, recording: Recording) -> FitView:
         """Chart the displacement of the TCP along its mean velocity."""

@@ -121,23 +121,16 @@ OTHER = ", or the recording is of another arm (arm=NAME or a folder with its des
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Claim:
-    """Joint signals at n times, and the arm that is claimed to have produced them.
+    """Joint signals at n times, and the arm that is claimed to have produced them."""
 
-    Attributes:
-        t: (n,) s.
-        q, dq, tau: (n, 7) rad, rad/s, N m; the torques include gravity.
-        loaded: (n,) 1 where a load is carried, else 0.
-        hand: chain and payload of the arm.
-        gravity: (3,) m/s², in base axes.
-    """
-
-    t: Array
+    t: Array  # (n,) s
+    # q, dq, tau: (n, 7) rad, rad/s, N m; the torques include gravity
     q: Array
     dq: Array
     tau: Array
-    loaded: Array
-    hand: NominalHand
-    gravity: Array
+    loaded: Array  # (n,) 1 where a load is carried, else 0
+    hand: NominalHand  # chain and payload of the arm
+    gravity: Array  # (3,) m/s², in base axes
 
     @classmethod
     def of(

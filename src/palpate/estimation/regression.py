@@ -30,36 +30,24 @@ COUNTED = 1e-4
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cause:
-    """Named cause of the observed rows, with k unknowns.
+    """Named cause of the observed rows, with k unknowns."""
 
-    Attributes:
-        name: unique among the causes of a fit.
-        columns: (n, k) effect of a unit of each unknown on the n rows.
-        prior: (k,) standard deviations of the unknowns, about 0.
-        of: `arm` or `scene` where other runs share its errors, else None.
-        labels: (k,) names of shared unknowns; empty: the name of the cause and a number.
-    """
-
-    name: str
-    columns: Array
-    prior: Array
+    name: str  # unique among the causes of a fit
+    columns: Array  # (n, k) effect of a unit of each unknown on the n rows
+    prior: Array  # (k,) standard deviations of the unknowns, about 0
+    # `arm` or `scene` where other runs share its errors, else None.
     of: Literal["arm", "scene"] | None = None
+    # (k,) names of shared unknowns; empty: the name of the cause and a number.
     labels: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PriorScale:
-    """Hyperprior of the named causes: a common scale of their prior deviations.
+    """Hyperprior of the named causes: a common scale of their prior deviations."""
 
-    Attributes:
-        causes: names.
-        factors: possible scales, a number for all unknowns or an array.
-        chance: prior probability of each factor.
-    """
-
-    causes: tuple[str, ...]
-    factors: Sequence[float | Array]
-    chance: Sequence[float]
+    causes: tuple[str, ...]  # names
+    factors: Sequence[float | Array]  # possible scales, a number for all unknowns or an array
+    chance: Sequence[float]  # prior probability of each factor
 
 
 class RowNoise(Protocol):
@@ -82,15 +70,10 @@ class RowNoise(Protocol):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SignalNoise:
-    """Noise of rows ordered by signal, independent between signals.
+    """Noise of rows ordered by signal, independent between signals."""
 
-    Attributes:
-        roots: Cholesky factor (k, k), lower, of the covariance of each signal.
-        freedom: degrees of freedom of the variance.
-    """
-
-    roots: Sequence[Array]
-    freedom: float
+    roots: Sequence[Array]  # Cholesky factor (k, k), lower, of the covariance of each signal
+    freedom: float  # degrees of freedom of the variance
 
     @property
     def volume(self) -> float:
@@ -110,14 +93,10 @@ class Projected:
     """Noise with further unknowns without a prior, projected out of all rows.
 
     Source: Frisch and Waugh, Econometrica 1, 1933.
-
-    Attributes:
-        noise: of the rows.
-        basis: (n, k) orthonormal basis of the whitened columns of these unknowns.
     """
 
-    noise: RowNoise
-    basis: Array
+    noise: RowNoise  # of the rows
+    basis: Array  # (n, k) orthonormal basis of the whitened columns of these unknowns
 
     @classmethod
     def of(cls, noise: RowNoise, columns: Array) -> Projected:
@@ -189,26 +168,16 @@ def place_unknowns(causes: Sequence[Cause]) -> dict[str, slice]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Posterior:
-    """Normal posterior of the p unknowns of all causes.
+    """Normal posterior of the p unknowns of all causes."""
 
-    Attributes:
-        causes: of the fit.
-        noise: of the fit.
-        model: whitened.
-        mean: (p,) of all unknowns, cause after cause.
-        covariance: (p, p) of the unknowns, or its first rows.
-        errors: (p, p) effects on the estimates of one prior deviation of each unknown, or the first
-            rows.
-        density: log probability density of the whitened rows.
-    """
-
-    causes: tuple[Cause, ...]
-    noise: RowNoise
-    model: LinearModel
-    mean: Array
-    covariance: Array
+    causes: tuple[Cause, ...]  # of the fit
+    noise: RowNoise  # of the fit
+    model: LinearModel  # whitened
+    mean: Array  # (p,) of all unknowns, cause after cause
+    covariance: Array  # (p, p) of the unknowns, or its first rows
+    # (p, p) effects on the estimates of one prior deviation of each unknown, or the first rows.
     errors: Array
-    density: float
+    density: float  # log probability density of the whitened rows
 
     def __getitem__(self, name: str) -> tuple[Array, Array]:
         """Mean (k,) and covariance (k, k) of the unknowns of a cause."""
@@ -290,14 +259,10 @@ class _Information(NamedTuple):
     """Information matrix of p unknowns, I + P G P, in units of their prior deviations.
 
     Unknowns that are known (deviation 0) thus need no inverse of zero.
-
-    Attributes:
-        prior: (p,) P, prior deviations.
-        root: (p, p) Cholesky factor.
     """
 
-    prior: Array
-    root: Array
+    prior: Array  # (p,) P, prior deviations
+    root: Array  # (p, p) Cholesky factor
 
     @classmethod
     def of(cls, prior: Array, gram: Array) -> _Information:
@@ -342,26 +307,16 @@ class _Reduced:
     complement).
 
     Given the former, x, the others have the mean `offset` - `slope` x for all scales.
-
-    Attributes:
-        scaled: (v,) indices of the unknowns with a scale.
-        others: (f,) indices of the others.
-        information: of the others, given the scaled ones.
-        offset: (f,) see above.
-        slope: (f, v) see above.
-        gram: (v, v) Schur complement of the inner products of the columns.
-        projected: (v,) inner products of the columns with `y`, less the part of the others.
-        evidence: of the others.
     """
 
-    scaled: NDArray[np.intp]
-    others: NDArray[np.intp]
-    information: _Information
-    offset: Array
-    slope: Array
-    gram: Array
-    projected: Array
-    evidence: float
+    scaled: NDArray[np.intp]  # (v,) indices of the unknowns with a scale
+    others: NDArray[np.intp]  # (f,) indices of the others
+    information: _Information  # of the others, given the scaled ones
+    offset: Array  # (f,) see above
+    slope: Array  # (f, v) see above
+    gram: Array  # (v, v) Schur complement of the inner products of the columns
+    projected: Array  # (v,) inner products of the columns with `y`, less the part of the others
+    evidence: float  # of the others
 
     @classmethod
     def of(cls, model: LinearModel) -> _Reduced:
@@ -425,36 +380,23 @@ class _Reduced:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ScaleHyperprior:
-    """Discrete hyperprior of the scale of some coefficients.
+    """Discrete hyperprior of the scale of some coefficients."""
 
-    Attributes:
-        columns: indices of the coefficients.
-        factors: possible scales of their prior deviations, a number for all or an array.
-        chance: prior probability of each factor.
-    """
-
-    columns: NDArray[np.intp]
+    columns: NDArray[np.intp]  # indices of the coefficients
+    # Possible scales of their prior deviations, a number for all or an array.
     factors: Sequence[float | Array]
-    chance: Sequence[float]
+    chance: Sequence[float]  # prior probability of each factor
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LinearModel:
-    """Linear model y = design · x + n in rows of unit variance.
+    """Linear model y = design · x + n in rows of unit variance."""
 
-    Attributes:
-        design: (n, p).
-        y: (n,).
-        prior: (p,) prior deviations of the coefficients x.
-        freedom: degrees of freedom of the noise variance.
-        hyperpriors: of the scales of some coefficients.
-    """
-
-    design: Array
-    y: Array
-    prior: Array
-    freedom: float
-    hyperpriors: tuple[ScaleHyperprior, ...]
+    design: Array  # (n, p)
+    y: Array  # (n,)
+    prior: Array  # (p,) prior deviations of the coefficients x
+    freedom: float  # degrees of freedom of the noise variance
+    hyperpriors: tuple[ScaleHyperprior, ...]  # of the scales of some coefficients
 
     def solve(self, first: int | None = None) -> tuple[Array, Array, Array, float]:
         """Compute the posterior, averaged over the hyperpriors.

@@ -170,19 +170,12 @@ def in_axes(axes: Array) -> Array:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Hinge:
-    """A joint at k configurations, in the axes of the base.
+    """A joint at k configurations, in the axes of the base."""
 
-    Attributes:
-        axis: (k, 3) unit vector.
-        anchor: (k, 3) m.
-        frame: (k, 3, 3) axes of the link that moves with it; at angles 0 those of the base.
-        origin: (k, 3) m, of that link's frame.
-    """
-
-    axis: Array
-    anchor: Array
-    frame: Array
-    origin: Array
+    axis: Array  # (k, 3) unit vector
+    anchor: Array  # (k, 3) m
+    frame: Array  # (k, 3, 3) axes of the link that moves with it; at angles 0 those of the base
+    origin: Array  # (k, 3) m, of that link's frame
 
 
 def hinges(chain: Chain, q: Array) -> list[Hinge]:

@@ -101,19 +101,12 @@ LEVER = np.array([[0.0, -1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 
 @dataclass(frozen=True, slots=True, eq=False)
 class LiftPath:
-    """Straight line of a lift, from the grasp to the measured pose.
+    """Straight line of a lift, from the grasp to the measured pose."""
 
-    Attributes:
-        origin: (3,) m, world, the grasp.
-        axis: (3,) unit vector.
-        length: m.
-        pose: of the measurement.
-    """
-
-    origin: Array
-    axis: Array
-    length: float
-    pose: Pose
+    origin: Array  # (3,) m, world, the grasp
+    axis: Array  # (3,) unit vector
+    length: float  # m
+    pose: Pose  # of the measurement
 
     def progress(self, samples: Samples) -> Array:
         """Project the TCP onto the line: (n,) m from its origin."""
@@ -183,46 +176,33 @@ def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Segment:
-    """Rest, or pass in k bins along the path.
+    """Rest, or pass in k bins along the path."""
 
-    Attributes:
-        kind: `up`, `down` (passes), `rest ...` with the direction of arrival, or `turn ...` with
-            its number.
-        loaded: with the object in the hand.
-        grasp: s, last time at which the hand took or left an object.
-        start, end: s.
-        t: (k,) mean time, s.
-        path: (k,) m along the path.
-        acceleration: (k,) vertical, m/s².
-        speed2: (k,) m²/s², squared speed.
-        maps: (k, m, 6) m signals per unit wrench (`WrenchObservation.maps`).
-        observed: (k, m) means of the signals.
-        variance: (k, m) variance of white noise in them.
-        motion: (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k,
-            0) where the links are unknown.
-        dahl: (k, m, 2 e) Dahl states of the joints (`joint_friction.slip_states`); (k, 0, 0) where
-            the signals are not joint torques.
-        turned: (k,) rad, rotation of the hand about the vertical since the load was measured; the
-            load and the moments in `maps` turn with it.
-        spans: stretches of motion that the bins average.
-    """
-
+    # `up`, `down` (passes), `rest ...` with the direction of arrival, or `turn ...` with its
+    # number.
     kind: str
-    loaded: bool
-    grasp: float
+    loaded: bool  # with the object in the hand
+    grasp: float  # s, last time at which the hand took or left an object
+    # start, end: s
     start: float
     end: float
-    t: Array
-    path: Array
-    acceleration: Array
-    speed2: Array
-    maps: Array
-    observed: Array
-    variance: Array
+    t: Array  # (k,) mean time, s
+    path: Array  # (k,) m along the path
+    acceleration: Array  # (k,) vertical, m/s²
+    speed2: Array  # (k,) m²/s², squared speed
+    maps: Array  # (k, m, 6) m signals per unit wrench (`WrenchObservation.maps`)
+    observed: Array  # (k, m) means of the signals
+    variance: Array  # (k, m) variance of white noise in them
+    # (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where
+    # the links are unknown.
     motion: Array
+    # (k, m, 2 e) Dahl states of the joints (`joint_friction.slip_states`); (k, 0, 0) where the
+    # signals are not joint torques.
     dahl: Array
+    # (k,) rad, rotation of the hand about the vertical since the load was measured; the load and
+    # the moments in `maps` turn with it.
     turned: Array
-    spans: Spans
+    spans: Spans  # stretches of motion that the bins average
 
     @property
     def at_rest(self) -> bool:
@@ -246,19 +226,12 @@ class SegmentCut:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weighing:
-    """Segments of a trace with and without a load, along one path.
+    """Segments of a trace with and without a load, along one path."""
 
-    Attributes:
-        segments: rests and passes with and without the load.
-        noise: of the signals.
-        scale: (m,) of the signals, see `WrenchObservation`.
-        left: residual of the arm's model with an empty hand; None where it was not recorded or not
-            learned.
-    """
-
-    segments: Sequence[Segment]
-    noise: SignalLevels
-    scale: Array
+    segments: Sequence[Segment]  # rests and passes with and without the load
+    noise: SignalLevels  # of the signals
+    scale: Array  # (m,) of the signals, see `WrenchObservation`
+    # Residual of the arm's model with an empty hand; None where it was not recorded or not learned.
     left: ColouredResidual | None = None
 
     @property

@@ -117,53 +117,34 @@ STIFFNESS, DAMPING = 1, 3
 
 @dataclass(frozen=True, slots=True)
 class Onset:
-    """Model-free onset of contact in the loading curve.
+    """Model-free onset of contact in the loading curve."""
 
-    Attributes:
-        first: m, tip height at which the force began to rise.
-        first_std: m, its standard deviation.
-        bottomed: m, tip height at which a soft layer reached a stiff support; None without such a support.
-        secant: m/N, compliance of the whole loading curve.
-    """
-
-    first: float
-    first_std: float
+    first: float  # m, tip height at which the force began to rise
+    first_std: float  # m, its standard deviation
+    # m, tip height at which a soft layer reached a stiff support; None without such a support.
     bottomed: float | None
-    secant: float
+    secant: float  # m/N, compliance of the whole loading curve
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Spring:
-    """Spring and damper model of a surface, from one press.
+    """Spring and damper model of a surface, from one press."""
 
-    Attributes:
-        compliance: m/N, of the surface alone.
-        compliance_std: its standard deviation.
-        held, held_std: m/N, compliance at rest: depth of the resting tip below contact onset, over the force.
-        damping: N s/m, of the surface; negative only by noise.
-        damping_std: its standard deviation.
-        first: m, tip height of first contact.
-        depth: (n,) m below `first` in each row used.
-        bearing: (n,) N, force of the spring, without inertia, friction and damping.
-        sinking: (n,) m/s, downward speed of the tip.
-        drag: (n,) N, force of the damping.
-        hardening: largest relative growth of the stiffness beyond some depth.
-        hardening_std: its standard deviation.
-    """
-
-    compliance: float
-    compliance_std: float
+    compliance: float  # m/N, of the surface alone
+    compliance_std: float  # its standard deviation
+    # held, held_std: m/N, compliance at rest: depth of the resting tip below contact onset, over
+    # the force
     held: float
     held_std: float
-    damping: float
-    damping_std: float
-    first: float
-    depth: Array
-    bearing: Array
-    sinking: Array
-    drag: Array
-    hardening: float
-    hardening_std: float
+    damping: float  # N s/m, of the surface; negative only by noise
+    damping_std: float  # its standard deviation
+    first: float  # m, tip height of first contact
+    depth: Array  # (n,) m below `first` in each row used
+    bearing: Array  # (n,) N, force of the spring, without inertia, friction and damping
+    sinking: Array  # (n,) m/s, downward speed of the tip
+    drag: Array  # (n,) N, force of the damping
+    hardening: float  # largest relative growth of the stiffness beyond some depth
+    hardening_std: float  # its standard deviation
 
     @property
     def deepest(self) -> float:
@@ -201,27 +182,18 @@ class _Curve:
 
     Acceleration is noisy, so every row is a mean over `CURVE_ROWS` on both sides of the equation. This keeps the
     simultaneous jump of force and acceleration at the contact with a dissipating surface.
-
-    Attributes:
-        z: (n,) m, tip height.
-        force: (n,) N, without predicted joint friction.
-        speed, acceleration: (n,) m/s, m/s², vertical.
-        resting: (n,) 0 to 1, degree of rest.
-        rows: (n,) mask of the m rows used.
-        noise: N, of a row.
-        prior: (5,) prior standard deviations of f0, k, m, d, s.
-        believed: (5,) prior means.
     """
 
-    z: Array
-    force: Array
+    z: Array  # (n,) m, tip height
+    force: Array  # (n,) N, without predicted joint friction
+    # speed, acceleration: (n,) m/s, m/s², vertical
     speed: Array
     acceleration: Array
-    resting: Array
-    rows: Mask
-    noise: float
-    prior: Array
-    believed: Array
+    resting: Array  # (n,) 0 to 1, degree of rest
+    rows: Mask  # (n,) mask of the m rows used
+    noise: float  # N, of a row
+    prior: Array  # (5,) prior standard deviations of f0, k, m, d, s
+    believed: Array  # (5,) prior means
 
     @cached_property
     def felt(self) -> Array:

@@ -73,36 +73,23 @@ INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SwingResponse:
-    """Response to a swing about one axis, in phase with the angle of the hand.
+    """Response to a swing about one axis, in phase with the angle of the hand."""
 
-    Attributes:
-        time: s, middle of the swing.
-        pose: mean pose of the hand.
-        axis: (3,) unit, world.
-        angle: rad, amplitude.
-        rate: rad/s, angular frequency.
-        observed: (m,) amplitudes of the signals, N m.
-        variance: (m,) N² m², of the amplitudes, by sensor noise.
-        rubbing: (m,) N m, amplitudes in quadrature, by friction.
-        own: (m,) N m, part of the arm's links by their nominal inertias; 0 where unknown.
-        load: (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
-        gears: (m, 5) amplitudes per N m of each gear wave (`descent.gear_waves`) and of Dahl's state; 0 where
-            the signals are not joint torques.
-        rippled: (m,) N² m², mean square of the signals that the waves explain.
-    """
-
-    time: float
-    pose: Pose
-    axis: Array
-    angle: float
-    rate: float
-    observed: Array
-    variance: Array
-    rubbing: Array
-    own: Array
+    time: float  # s, middle of the swing
+    pose: Pose  # mean pose of the hand
+    axis: Array  # (3,) unit, world
+    angle: float  # rad, amplitude
+    rate: float  # rad/s, angular frequency
+    observed: Array  # (m,) amplitudes of the signals, N m
+    variance: Array  # (m,) N² m², of the amplitudes, by sensor noise
+    rubbing: Array  # (m,) N m, amplitudes in quadrature, by friction
+    own: Array  # (m,) N m, part of the arm's links by their nominal inertias; 0 where unknown
+    # (m, 10) amplitudes per unit mass, first moment and inertia (about the TCP, tool axes).
     load: Array
+    # (m, 5) amplitudes per N m of each gear wave (`descent.gear_waves`) and of Dahl's state; 0
+    # where the signals are not joint torques.
     gears: Array
-    rippled: Array
+    rippled: Array  # (m,) N² m², mean square of the signals that the waves explain
 
 
 def swings(trace: Trace, recording: Recording, noise: SignalLevels) -> Sequence[SwingResponse]:
@@ -233,15 +220,10 @@ def swing_of(
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Changes:
-    """Time derivatives of joint rates and of the TCP's twist.
+    """Time derivatives of joint rates and of the TCP's twist."""
 
-    Attributes:
-        joints: (n, m) rad/s².
-        hand: (n, 6) m/s² and rad/s² of the TCP, world axes.
-    """
-
-    joints: Array
-    hand: Array
+    joints: Array  # (n, m) rad/s²
+    hand: Array  # (n, 6) m/s² and rad/s² of the TCP, world axes
 
     @classmethod
     def of(cls, samples: Samples) -> _Changes:
@@ -259,15 +241,10 @@ class _Changes:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Lock:
-    """Least-squares fit of a constant, a trend and a sine (lock-in).
+    """Least-squares fit of a constant, a trend and a sine (lock-in)."""
 
-    Attributes:
-        design: (n, 4) cosine, sine, constant and trend.
-        inverse: (4, n) its pseudoinverse.
-    """
-
-    design: Array
-    inverse: Array
+    design: Array  # (n, 4) cosine, sine, constant and trend
+    inverse: Array  # (4, n) its pseudoinverse
 
     @classmethod
     def of(cls, t: Array, rate: float) -> _Lock:

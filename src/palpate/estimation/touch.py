@@ -39,32 +39,19 @@ mm between two touches is then 2 mrad. Not sensitive."""
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Plane:
-    """Plane through the touches of a surface.
+    """Plane through the touches of a surface."""
 
-    Attributes:
-        height: m, at the mean position of the touches.
-        std: m, without the errors that all touches share.
-        tilt: rad, angle from level, and its standard deviation; None where the touches do not span
-            a plane.
-        misfit: sum of the squared residuals over their variances.
-        freedom: residual degrees of freedom.
-        slope: (2,) rise along x and along y; None where the touches do not span a plane.
-        slope_std: (2,) its standard deviations; None with `slope`.
-        beside: (n, 2) m, positions of the touches from their mean.
-        heights: (n,) m, of the touches.
-        stds: (n,) m, standard deviations of the heights.
-    """
-
-    height: float
-    std: float
+    height: float  # m, at the mean position of the touches
+    std: float  # m, without the errors that all touches share
+    # rad, angle from level, and its standard deviation; None where the touches do not span a plane.
     tilt: tuple[float, float] | None
-    misfit: float
-    freedom: int
-    slope: Array | None
-    slope_std: Array | None
-    beside: Array
-    heights: Array
-    stds: Array
+    misfit: float  # sum of the squared residuals over their variances
+    freedom: int  # residual degrees of freedom
+    slope: Array | None  # (2,) rise along x and along y; None where the touches do not span a plane
+    slope_std: Array | None  # (2,) its standard deviations; None with `slope`
+    beside: Array  # (n, 2) m, positions of the touches from their mean
+    heights: Array  # (n,) m, of the touches
+    stds: Array  # (n,) m, standard deviations of the heights
 
     @property
     def fitted(self) -> Array:
@@ -188,54 +175,32 @@ VIEW_ABOVE = 0.006
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SurfaceTouch:
-    """Contact at the end of a guarded descent.
+    """Contact at the end of a guarded descent."""
 
-    Attributes:
-        recording: of the held pose.
-        descent: the guarded descent before it.
-        spot: (2,) m, world x and y of the fingertips.
-        held: m, tip height at the force `full`. It is that of the recording. After a press through
-            a soft layer it is the height before the press was eased, as the tip may rise into the
-            layer again.
-        full: N, pressing force at rest.
-        rise: N, force rise of the last stretch of the loading curve.
-        rise_std: N, its standard deviation by joint friction.
-        compliance: m/N, of the last stretch.
-        knee: N, force at the beginning of that stretch; 0 where it begins in free air.
-        bottomed: m, height of the rigid surface below a soft layer; None without a layer.
-        first: m, tip height at which the force began to rise.
-        first_std: m, its standard deviation.
-        lever: m along the closing direction, from the middle of the fingers to the line of the
-            force.
-        lever_std: m, its standard deviation.
-        lean: rad, largest lean of the hand in that direction caused by the contact.
-        opening: m, between the fingers.
-        own: m/N, compliance of the tips themselves.
-        own_std: m/N, its standard deviation.
-        out_of_level: rad, uncertainty of the angle between the arm's base and a level surface.
-        spring: the surface as a spring above a rigid support.
-    """
-
-    recording: Recording
-    descent: Descent
-    spot: Array
+    recording: Recording  # of the held pose
+    descent: Descent  # the guarded descent before it
+    spot: Array  # (2,) m, world x and y of the fingertips
+    # m, tip height at the force `full`. It is that of the recording. After a press through a soft
+    # layer it is the height before the press was eased, as the tip may rise into the layer again.
     held: float
-    full: float
-    rise: float
-    rise_std: float
-    compliance: float
-    knee: float
+    full: float  # N, pressing force at rest
+    rise: float  # N, force rise of the last stretch of the loading curve
+    rise_std: float  # N, its standard deviation by joint friction
+    compliance: float  # m/N, of the last stretch
+    knee: float  # N, force at the beginning of that stretch; 0 where it begins in free air
+    # m, height of the rigid surface below a soft layer; None without a layer.
     bottomed: float | None
-    first: float
-    first_std: float
+    first: float  # m, tip height at which the force began to rise
+    first_std: float  # m, its standard deviation
+    # m along the closing direction, from the middle of the fingers to the line of the force.
     lever: float
-    lever_std: float
-    lean: float
-    opening: float
-    own: float
-    own_std: float
-    out_of_level: float
-    spring: Spring
+    lever_std: float  # m, its standard deviation
+    lean: float  # rad, largest lean of the hand in that direction caused by the contact
+    opening: float  # m, between the fingers
+    own: float  # m/N, compliance of the tips themselves
+    own_std: float  # m/N, its standard deviation
+    out_of_level: float  # rad, uncertainty of the angle between the arm's base and a level surface
+    spring: Spring  # the surface as a spring above a rigid support
 
     @property
     def height(self) -> float:

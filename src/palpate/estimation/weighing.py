@@ -56,28 +56,19 @@ KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "t
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Weight:
-    """Mass of the object held during a recording.
+    """Mass of the object held during a recording."""
 
-    Attributes:
-        mass, std: kg, unconstrained: the mass of a light object may be negative.
-        doubt: reason, a phrase, for a prior-dominated mass; empty where the empty hand was
-            recorded.
-        weighings: the segments that were compared.
-        tests: for other forces on the object.
-        shared: errors in common with other weighings on that arm.
-        freedom: degrees of freedom of the noise.
-        load: the fit of the weighings.
-        whole: the fit to all free motion, where it is more precise and gives the mass.
-    """
-
+    # mass, std: kg, unconstrained: the mass of a light object may be negative
     mass: float
     std: float
+    # Reason, a phrase, for a prior-dominated mass; empty where the empty hand was recorded.
     doubt: str
-    weighings: Sequence[Weighing]
-    tests: tuple[FitTest, ...]
-    shared: tuple[Shared, ...]
-    freedom: float
-    load: LoadEstimate
+    weighings: Sequence[Weighing]  # the segments that were compared
+    tests: tuple[FitTest, ...]  # for other forces on the object
+    shared: tuple[Shared, ...]  # errors in common with other weighings on that arm
+    freedom: float  # degrees of freedom of the noise
+    load: LoadEstimate  # the fit of the weighings
+    # The fit to all free motion, where it is more precise and gives the mass.
     whole: WholeLoad | None = None
 
     @property
@@ -311,24 +302,15 @@ class Lift:
     """Planned straight lift, and the precision of a load that its passes give.
 
     The covariance of the fit needs the planned motion and the noise, but no measured values.
-
-    Attributes:
-        q: (2, m) rad, joint angles at the grasp and above it.
-        length: m.
-        near_speed: m/s, the largest near a support.
-        acceleration: m/s².
-        observed: wrench observation of the arm; its signals are not used.
-        white: (m,) (N m)² s, variance of a signal's mean over 1 s.
-        flicker: (m,) see `SignalLevels`.
     """
 
-    q: Array
-    length: float
-    near_speed: float
-    acceleration: float
-    observed: WrenchObservation
-    white: Array
-    flicker: Array
+    q: Array  # (2, m) rad, joint angles at the grasp and above it
+    length: float  # m
+    near_speed: float  # m/s, the largest near a support
+    acceleration: float  # m/s²
+    observed: WrenchObservation  # wrench observation of the arm; its signals are not used
+    white: Array  # (m,) (N m)² s, variance of a signal's mean over 1 s
+    flicker: Array  # (m,) see `SignalLevels`
 
     def seconds(self, speed: float) -> float:
         """Robot time of one cycle at `speed` m/s, s."""

@@ -41,19 +41,12 @@ GAIN, CROSSTALK = "gain", "cross-talk"
 
 @dataclass(frozen=True, slots=True, eq=False)
 class WrenchObservation:
-    """Joint torques and Jacobians that observe the wrench at the TCP.
+    """Joint torques and Jacobians that observe the wrench at the TCP."""
 
-    Attributes:
-        signals: (n, m) N m of m joints; or the wrench, N and N m.
-        scale: (m,) typical size of each signal per newton at the TCP.
-        chain: None where the signals are the wrench.
-        turn: (3, 3) axes of the base in the world.
-    """
-
-    signals: Array
-    scale: Array
-    chain: Chain | None
-    turn: Array
+    signals: Array  # (n, m) N m of m joints; or the wrench, N and N m
+    scale: Array  # (m,) typical size of each signal per newton at the TCP
+    chain: Chain | None  # None where the signals are the wrench
+    turn: Array  # (3, 3) axes of the base in the world
 
     @property
     def knows_links(self) -> bool:

@@ -104,21 +104,14 @@ class LogColumn(NamedTuple):
 
 
 class Arm(NamedTuple):
-    """Joint signals of an arm in one table.
+    """Joint signals of an arm in one table."""
 
-    Attributes:
-        name: words that distinguish its columns from those of other arms; may be empty.
-        table: index of its table.
-        topic: topic of the table in a bag; else empty.
-        columns: one of `t`, seven of `q` and `tau`, and seven of `dq` and `tau_ext` where available.
-        notes: omissions and assumptions.
-    """
-
-    name: str
-    table: int
-    topic: str
+    name: str  # words that distinguish its columns from those of other arms; may be empty
+    table: int  # index of its table
+    topic: str  # topic of the table in a bag; else empty
+    # One of `t`, seven of `q` and `tau`, and seven of `dq` and `tau_ext` where available.
     columns: dict[str, list[LogColumn]]
-    notes: tuple[str, ...]
+    notes: tuple[str, ...]  # omissions and assumptions
 
     def __str__(self) -> str:
         return f"'{self.name}' ({self.topic or self.columns['q'][0].name + ' …'})"

@@ -60,18 +60,13 @@ motion serves, in which all joints turn both ways; the inertia needs the fast on
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Excitation:
-    """Periodic motion that starts and ends at home.
+    """Periodic motion that starts and ends at home."""
 
-    Attributes:
-        home: (7,) rad.
-        sines, cosines: (7, HARMONICS) rad/s.
-        condition: condition number of the load's equations in units of `TYPICAL`.
-    """
-
-    home: Array
+    home: Array  # (7,) rad
+    # sines, cosines: (7, HARMONICS) rad/s
     sines: Array
     cosines: Array
-    condition: float
+    condition: float  # condition number of the load's equations in units of `TYPICAL`
 
     def sample(self, t: Array) -> tuple[Array, Array, Array]:
         """Angles, rates and accelerations (n, 7), rad, rad/s, rad/s², at times `t` (n,), s, of whole periods."""

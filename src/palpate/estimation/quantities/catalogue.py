@@ -104,17 +104,11 @@ SHOWN = 3
 
 @dataclass(frozen=True, slots=True)
 class Purpose:
-    """Purpose of a simulation.
+    """Purpose of a simulation."""
 
-    Attributes:
-        verbs: English verbs for it, the most common first.
-        quantities: ids of the object's quantities that determine its outcome.
-        reason: physical reason, for the documentation.
-    """
-
-    verbs: tuple[str, ...]
-    quantities: tuple[str, ...]
-    reason: str
+    verbs: tuple[str, ...]  # English verbs for it, the most common first
+    quantities: tuple[str, ...]  # ids of the object's quantities that determine its outcome
+    reason: str  # physical reason, for the documentation
 
     def __str__(self) -> str:
         return f"to {'/'.join(self.verbs[:SHOWN])}: {', '.join(self.quantities)}"

@@ -54,22 +54,15 @@ SETTING_OUT = 20  # rows, 0.1 s, at the start of a recording, in which the hand 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Limit:
-    """Limit of a joint that the handle was pressed against.
+    """Limit of a joint that the handle was pressed against."""
 
-    Attributes:
-        sign: 1 for the upper limit, -1 for the lower.
-        travel, std: m or rad, from the start of the recording.
-        way: (n,) m, travel of the handle towards the limit in the rows of the loading curve.
-        force: (n,) N, of the hand against it.
-        predicted: (n,) N, by the fit.
-    """
-
-    sign: float
+    sign: float  # 1 for the upper limit, -1 for the lower
+    # travel, std: m or rad, from the start of the recording
     travel: float
     std: float
-    way: Array
-    force: Array
-    predicted: Array
+    way: Array  # (n,) m, travel of the handle towards the limit in the rows of the loading curve
+    force: Array  # (n,) N, of the hand against it
+    predicted: Array  # (n,) N, by the fit
 
 
 def limits_of(trace: Trace, recording: Recording, joint: Joint) -> Iterator[Limit]:

@@ -126,27 +126,17 @@ class Inertia(Quantity):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SwungObject:
-    """Linear observation of an object's ten inertial parameters by a sinusoidal swing.
+    """Linear observation of an object's ten inertial parameters by a sinusoidal swing."""
 
-    Attributes:
-        observed: (m,) signals of the load.
-        variance: (m,) of `observed`.
-        gears: (m, k) effect of one deviation of each unknown of a joint's gear, common to all swings.
-        load: (m, 10) signals of unit parameters in tool axes.
-        rate: angular frequency, rad/s.
-        axis: index of the tool axis of the swing.
-        pose_tcp_body: pose of the object in the hand at the grasp.
-        droop: rotation in the fingers since the grasp.
-    """
-
-    observed: Array
-    variance: Array
+    observed: Array  # (m,) signals of the load
+    variance: Array  # (m,) of `observed`
+    # (m, k) effect of one deviation of each unknown of a joint's gear, common to all swings.
     gears: Array
-    load: Array
-    rate: float
-    axis: int
-    pose_tcp_body: Pose
-    droop: Droop
+    load: Array  # (m, 10) signals of unit parameters in tool axes
+    rate: float  # angular frequency, rad/s
+    axis: int  # index of the tool axis of the swing
+    pose_tcp_body: Pose  # pose of the object in the hand at the grasp
+    droop: Droop  # rotation in the fingers since the grasp
 
     @property
     def std(self) -> Array:

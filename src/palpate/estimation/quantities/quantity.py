@@ -43,35 +43,25 @@ class Evidence:
     """Kind of recording from which a quantity is estimated.
 
     The check of plans, the symbolic search, the prompt, the conversions and the judgement of studies read it.
-
-    Attributes:
-        buffer: logged buffer.
-        how: instruction for the recording, for prompts and explanations.
-        activity: activities during the recording; any if empty.
-        empty: True if recorded with an empty hand at the place where it would hold the object.
-        holding: True if about the held object; else about the surface touched, or about the moving held object or
-            gripper.
-        distinct: part of the context that makes recordings different, grasp or place; None if all are alike.
-        count: required number of different recordings.
-        better: preferred number of different recordings where they take little effort.
-        place: X of evidence that is recorded at `<object>_X`; anywhere if empty.
-        as_grasped: True if recorded where the held object was grasped, or right above.
-        optional: True if recorded only where the scene has room; the estimate does not need it.
-        tool: kind of object that is held while another one is measured; none if empty.
     """
 
-    buffer: str
-    how: str
-    activity: tuple[Activity, ...] = ()
+    buffer: str  # logged buffer
+    how: str  # instruction for the recording, for prompts and explanations
+    activity: tuple[Activity, ...] = ()  # activities during the recording; any if empty
+    # True if about the held object; else about the surface touched, or about the moving held object
+    # or gripper.
     holding: bool = False
+    # Part of the context that makes recordings different, grasp or place; None if all are alike.
     distinct: Literal["grasp", "place"] | None = None
-    count: int = 1
-    better: int = 1
+    count: int = 1  # required number of different recordings
+    better: int = 1  # preferred number of different recordings where they take little effort
+    # True if recorded with an empty hand at the place where it would hold the object.
     empty: bool = False
-    place: str = ""
-    as_grasped: bool = False
+    place: str = ""  # X of evidence that is recorded at `<object>_X`; anywhere if empty
+    as_grasped: bool = False  # True if recorded where the held object was grasped, or right above
+    # True if recorded only where the scene has room; the estimate does not need it.
     optional: bool = False
-    tool: str = ""
+    tool: str = ""  # kind of object that is held while another one is measured; none if empty
 
     def about(self, context: Context) -> str | None:
         """Return the object or surface that a recording in `context` is evidence of; None if it is no evidence."""
@@ -119,54 +109,35 @@ def held_and_empty(
 
 @dataclass(frozen=True, slots=True)
 class Prior:
-    """Prior of a quantity: independent normal components.
+    """Prior of a quantity: independent normal components."""
 
-    Attributes:
-        mean: one number per component, in the quantity's unit.
-        std: 1 sigma of each; 0 for a number stated by the file.
-    """
-
-    mean: tuple[float, ...]
-    std: tuple[float, ...]
+    mean: tuple[float, ...]  # one number per component, in the quantity's unit
+    std: tuple[float, ...]  # 1 sigma of each; 0 for a number stated by the file
 
 
 @dataclass(frozen=True, slots=True)
 class Effort:
-    """Effort for a parameter: number and speed of lifts, or number of repetitions.
+    """Effort for a parameter: number and speed of lifts, or number of repetitions."""
 
-    Attributes:
-        cycles: number of grasps, lifts and put-downs of the object.
-        speed: m/s between grasp and lift, loaded and empty; None for the fastest safe speed.
-        times: number of repetitions of the whole measurement.
-    """
-
-    cycles: int = 1
+    cycles: int = 1  # number of grasps, lifts and put-downs of the object
+    # M/s between grasp and lift, loaded and empty; None for the fastest safe speed.
     speed: float | None = None
-    times: int = 1
+    times: int = 1  # number of repetitions of the whole measurement
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Site:
-    """Workplace of an object: arm, grasp and lift poses.
+    """Workplace of an object: arm, grasp and lift poses."""
 
-    Attributes:
-        parameter: parameter to measure.
-        arm: description of the arm.
-        pose_world_base: pose of its base.
-        grasp, above: poses of the TCP in the world, at the grasp and at the end of the lift.
-        believed: believed value of the quantity, one number per component.
-        gravity: m/s², magnitude.
-        near_speed: m/s, speed limit near obstacles.
-    """
-
-    parameter: Parameter
-    arm: RobotDescription
-    pose_world_base: Pose
+    parameter: Parameter  # parameter to measure
+    arm: RobotDescription  # description of the arm
+    pose_world_base: Pose  # pose of its base
+    # grasp, above: poses of the TCP in the world, at the grasp and at the end of the lift
     grasp: Pose
     above: Pose
-    believed: tuple[float, ...]
-    gravity: float
-    near_speed: float
+    believed: tuple[float, ...]  # believed value of the quantity, one number per component
+    gravity: float  # m/s², magnitude
+    near_speed: float  # m/s, speed limit near obstacles
 
 
 class Quantity:

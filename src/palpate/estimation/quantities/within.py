@@ -47,21 +47,13 @@ Outcome = Literal["reached", "floor", "rounds used up"]
 
 @dataclass(frozen=True, slots=True)
 class Precision:
-    """Requested and reached precision of an estimate.
+    """Requested and reached precision of an estimate."""
 
-    Attributes:
-        asked: requested half width of the 95 % interval, in the estimate's unit.
-        reached: present half width; infinite without a value.
-        floor: half width in the limit of many repetitions.
-        cause: main cause of the floor, in words; empty without one.
-        of: owner of that cause, `arm` or `scene`.
-    """
-
-    asked: float
-    reached: float
-    floor: float
-    cause: str = ""
-    of: str = ""
+    asked: float  # requested half width of the 95 % interval, in the estimate's unit
+    reached: float  # present half width; infinite without a value
+    floor: float  # half width in the limit of many repetitions
+    cause: str = ""  # main cause of the floor, in words; empty without one
+    of: str = ""  # owner of that cause, `arm` or `scene`
 
     @property
     def outcome(self) -> Outcome:
