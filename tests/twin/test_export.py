@@ -266,6 +266,13 @@ def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, t
         )
 
 
+@pytest.mark.parametrize("to", ["mjcf", "urdf"])
+def test_only_what_was_compared_counts_as_read_back(kitchen: Twin, tmp_path: Path, to: str) -> None:
+    made = export(kitchen, to, tmp_path)
+    assert made.acts_in(MASS) == ("mujoco",)
+    assert made.acts_in(FRICTION) == ()
+
+
 def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path) -> None:
     folder, scratch = tmp_path / "made", tmp_path / "scratch"
     folder.mkdir()

@@ -65,6 +65,8 @@ PORTABLE = "portable.xml"
 """MJCF for readers other than MuJoCo, next to the scene."""
 READ_BACK = {"mjcf": "mujoco", "urdf": "mujoco"}
 """Reader of each format with which every export is compared."""
+COMPARED = frozenset({"mass", "com", "com_3d", "inertia", "damping", "frictionloss"})
+"""Quantities that `require_same` compares; others count as read back only after a check."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,12 +92,13 @@ class Export:
     def acts_in(self, parameter: Parameter) -> tuple[str, ...]:
         """Readers in which a held parameter acts as in the twin.
 
-        Without a check it is the one that read the file back, if any.
+        Without a check it is the one that read the file back, if it compared the quantity.
         """
         if parameter not in self.held:
             return ()
         if not self.findings:
-            return (READ_BACK[self.format],) if self.format in READ_BACK else ()
+            is_compared = self.format in READ_BACK and parameter.quantity in COMPARED
+            return (READ_BACK[self.format],) if is_compared else ()
         shown = SHOWN_BY.get(parameter.quantity)
         acting = [f for f in self.findings if f.quantity == shown and f.verdict == "acts"]
         return tuple(finding.reader for finding in acting)
