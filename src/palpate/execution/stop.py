@@ -113,7 +113,9 @@ class PutDown(Primitive):
         elif name is not None:
             yield from self._turn_back(blackboard)
             yield from self._to_support(blackboard, name)
-        width = self._opening(blackboard, name)
+        width, reason = clear_opening(blackboard)
+        if reason is not None:
+            raise LeafFailure(f"the fingers cannot open, {reason}: {STAYS}")
         blackboard.state = state_after_release(blackboard)
         robot.open_gripper(width)
         yield from finish_fingers(blackboard)
@@ -143,21 +145,6 @@ class PutDown(Primitive):
         robot.move_pose(upright, RETREAT_SPEED)
         yield from finish(blackboard)
         yield from settle(blackboard)
-
-    def _opening(self, blackboard: Blackboard, name: str | None) -> float:
-        """Largest opening, m, at which the fingers meet no other body."""
-        robot, most = blackboard.robot, blackboard.scene.arm.hand.opening
-        here = replace(blackboard.state, pose_world_tcp=robot.state.pose_world_tcp, joints=None)
-        between = here.object_at(here.pose_world_tcp)
-        around = name or (between.name if between else None)
-        reason = ""
-        for further in OPENINGS:
-            width = min(robot.state.width + further, most)
-            found = finger_collisions(here, width, around)
-            if not found:
-                return width
-            reason = found[0].message.partition(";")[0]
-        raise LeafFailure(f"the fingers cannot open, {reason}: {STAYS}")
 
     def _retreat(self, blackboard: Blackboard) -> Generator[float | None, None, bool]:
         """Rise as far as the arm stays clear; False if it is not clear at all."""
@@ -237,17 +224,38 @@ class PutDown(Primitive):
         raise LeafFailure(f"nothing bears '{name}' for long: {STAYS}")
 
 
+def clear_opening(blackboard: Blackboard) -> tuple[float, str | None]:
+    """Largest of the `OPENINGS`, m, at which the fingers meet no other body.
+
+    If there is none, it is the smallest one, with the reason.
+    """
+    robot, most = blackboard.robot, blackboard.scene.arm.hand.opening
+    here = replace(blackboard.state, pose_world_tcp=robot.state.pose_world_tcp, joints=None)
+    between = here.object_at(here.pose_world_tcp)
+    around = blackboard.state.holding or (between.name if between else None)
+    width, reason = most, None
+    for further in OPENINGS:
+        width = min(robot.state.width + further, most)
+        found = finger_collisions(here, width, around)
+        if not found:
+            return width, None
+        reason = found[0].message.partition(";")[0]
+    return width, reason
+
+
 def let_slip(blackboard: Blackboard) -> bool:
     """Open the fingers at once if an object slips while they press it on its support.
 
-    Fingers that close further would tip it over. Returns True if they were opened.
+    Fingers that close further would tip it over, so that they open a little even beside a neighbour.
+    Returns True if they were opened.
     """
     state, load = blackboard.robot.state, blackboard.load
     # A slip is harmless only while the object presses on its support.
     slips = blackboard.state.holding is not None and load.slip(state.width) is not None
     if not slips or load.borne(state.contact) > -UNFELT:
         return False
-    blackboard.robot.open_gripper()
+    width, _ = clear_opening(blackboard)
+    blackboard.robot.open_gripper(width)
     blackboard.state = state_after_release(blackboard)
     return True
 
