@@ -22,7 +22,7 @@ from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Samples, Trace
 from palpate.twin import export_urdf as urdf
 from palpate.twin import export_usd
-from palpate.twin.export import Export, export_twin, require_format
+from palpate.twin.export import Export, export_twin, require_format, require_same_fields
 from palpate.twin.export_check import check_export
 from palpate.twin.export_readers import read_spec
 from palpate.twin.twin import Twin, build_twin
@@ -270,7 +270,22 @@ def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, t
 def test_only_what_was_compared_counts_as_read_back(kitchen: Twin, tmp_path: Path, to: str) -> None:
     made = export(kitchen, to, tmp_path)
     assert made.acts_in(MASS) == ("mujoco",)
-    assert made.acts_in(FRICTION) == ()
+    # URDF has no friction. MJCF is compared field by field.
+    assert made.acts_in(FRICTION) == (("mujoco",) if to == "mjcf" else ())
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("geom_friction", 0.7), ("geom_solref", 0.05), ("body_pos", 0.01), ("jnt_range", 1.2)],
+)
+def test_a_field_that_changed_in_writing_is_an_error(
+    kitchen: Twin, field: str, value: float
+) -> None:
+    twin, made = (mujoco.MjModel.from_xml_string(kitchen.xml) for _ in range(2))
+    require_same_fields(twin, made)
+    getattr(made, field)[-1, -1] += value
+    with pytest.raises(PalpateError, match=field):
+        require_same_fields(twin, made)
 
 
 def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path) -> None:

@@ -63,10 +63,20 @@ CLOSE = 1e-5
 """Relative tolerance: single precision of USD and of meshes, six digits of MuJoCo's own MJCF."""
 PORTABLE = "portable.xml"
 """MJCF for readers other than MuJoCo, next to the scene."""
-READ_BACK = {"mjcf": "mujoco", "urdf": "mujoco"}
-"""Reader of each format with which every export is compared."""
-COMPARED = frozenset({"mass", "com", "com_3d", "inertia", "damping", "frictionloss"})
-"""Quantities that `require_same` compares; others count as read back only after a check."""
+PASSIVE = frozenset({"mass", "com", "com_3d", "inertia", "damping", "frictionloss"})
+"""Quantities that `require_same` compares."""
+FIELDS = {
+    "friction": ("geom_friction", "geom_priority", "geom_condim", "pair_friction"),
+    "contact_damping": ("geom_solref", "geom_solimp", "geom_solmix", "pair_solref", "pair_solimp"),
+    "size": ("geom_size", "geom_type"),
+    "position": ("body_pos", "geom_pos"),
+    "height": ("body_pos", "geom_pos", "geom_size"),
+    "range": ("jnt_range", "jnt_limited"),
+    "spring": ("jnt_stiffness", "qpos_spring"),
+}
+"""Fields of a compiled model in which a quantity acts: `require_same_fields` compares them."""
+READ_BACK = {"mjcf": PASSIVE | FIELDS.keys(), "urdf": PASSIVE}
+"""Quantities that MuJoCo reads back from every export of a format, and that are compared."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,8 +107,7 @@ class Export:
         if parameter not in self.held:
             return ()
         if not self.findings:
-            is_compared = self.format in READ_BACK and parameter.quantity in COMPARED
-            return (READ_BACK[self.format],) if is_compared else ()
+            return ("mujoco",) if parameter.quantity in READ_BACK.get(self.format, ()) else ()
         shown = SHOWN_BY.get(parameter.quantity)
         acting = [f for f in self.findings if f.quantity == shown and f.verdict == "acts"]
         return tuple(finding.reader for finding in acting)
@@ -157,6 +166,7 @@ def export_twin(
     try:
         packed = mujoco.MjModel.from_xml_path(str(scene))
         require_same(description.shapes.model, packed)
+        require_same_fields(description.shapes.model, packed)
         file, notes = WRITERS[chosen](scene, folder, static_frictions(estimates))
     except (ValueError, RuntimeError, mujoco.FatalError) as error:
         reason = " ".join(str(error).split())[:600]
@@ -237,7 +247,9 @@ def _mjcf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list
     portable = folder / PORTABLE
     spec.compile()
     portable.write_text(without_frames(spec.to_xml()), encoding="utf-8")
-    require_same(model, mujoco.MjModel.from_xml_path(str(portable)))
+    read = mujoco.MjModel.from_xml_path(str(portable))
+    require_same(model, read)
+    require_same_fields(model, read)
     notes = [f"{PORTABLE} has every mass stated, without frames and includes, to six digits"]
     if model.geom_priority.any():
         notes.append(NO_PRIORITY)
@@ -327,6 +339,18 @@ def require_same(twin: mujoco.MjModel, made: mujoco.MjModel) -> None:
                     f"the twin's '{name}' is not the same when it is read back: its {what} has "
                     f"{held} instead of {np.ravel(value)}"
                 )
+
+
+def require_same_fields(twin: mujoco.MjModel, made: mujoco.MjModel) -> None:
+    """Require the same contacts, shapes, places, limits and springs of two MJCF files, in order.
+
+    Raises:
+        PalpateError: one differs.
+    """
+    for field in dict.fromkeys(field for fields in FIELDS.values() for field in fields):
+        mine, its = np.asarray(getattr(twin, field)), np.asarray(getattr(made, field))
+        if mine.shape != its.shape or not np.allclose(its, mine, CLOSE, CLOSE):
+            raise PalpateError(f"the twin is not the same when it is read back: {field} differs")
 
 
 def joints_of(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
