@@ -290,8 +290,8 @@ def test_a_field_that_changed_in_writing_is_an_error(
 
 def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path) -> None:
     folder, scratch = tmp_path / "made", tmp_path / "scratch"
-    folder.mkdir()
-    scratch.mkdir()
+    for empty in (folder, scratch, tmp_path / "again", tmp_path / "scratch2"):
+        empty.mkdir()
     made = export_twin(kitchen, MEASURED, "urdf", folder, scratch, check=True)
     found = {f.quantity: f for f in made.findings if f.reader.startswith("mujoco 4")}
     assert {q for q, f in found.items() if f.verdict == "acts"} >= {
@@ -305,6 +305,11 @@ def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path
     assert found["slide"].detail.startswith("mug: ")
     assert next(iter(made.acts_in(MASS))).startswith("mujoco ")
     assert made.acts_in(FRICTION) == ()
+    # A ball on the table shows that its stiffness is lost in URDF, and acts in MJCF.
+    assert found["press"].detail.startswith("palpate_probe_table: ")
+    again = tmp_path / "again"
+    as_mjcf = export_twin(kitchen, MEASURED, "mjcf", again, tmp_path / "scratch2", check=True)
+    assert next(iter(as_mjcf.acts_in(STIFFNESS))).startswith("mujoco ")
     with pytest.raises(InputError, match="ranges are no model"):
         export_twin(kitchen, MEASURED, "randomisation", folder, scratch, check=True)
 

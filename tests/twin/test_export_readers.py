@@ -16,13 +16,17 @@ import pytest
 
 from palpate.twin import export
 from palpate.twin.export_check import (
+    PROBE,
     READERS,
     Reader,
+    add_probes,
     check_export,
     experiments_for,
     is_installed,
     judge,
+    measured,
 )
+from palpate.twin.export_readers import bodies_of
 
 SCENE = """<mujoco model="scene"><option timestep="0.002"/><worldbody>
   <geom name="floor" type="plane" size="2 2 .1"/>
@@ -94,3 +98,51 @@ def test_a_difference_names_the_worst_body_and_a_missing_one_is_lost() -> None:
     assert wild.verdict == "differs"
     lost = judge("reader 1", "mass", mine, {"mug": np.array([0.25])})
     assert (lost.verdict, lost.detail) == ("lost", "of tin")
+
+
+MERGED = """<mujoco><worldbody>
+  <body name="base" pos="0 0 .5"><freejoint/>
+    <body name="bowl" pos="0 .1 0"><geom type="box" size=".1 .05 .02" mass="2"/>
+      <body name="rim" pos="0 0 .1"><geom type="sphere" size=".02" mass=".5"/></body></body></body>
+</worldbody></mujoco>"""
+
+
+def test_rigidly_connected_bodies_count_as_one_since_readers_merge_them() -> None:
+    model = mujoco.MjModel.from_xml_string(MERGED)
+    apart = {"bodies": bodies_of(mujoco, model), "runs": {"rest": {"com": {}}}}
+    whole = measured(model, apart)
+    assert whole["mass"] == {"base": pytest.approx(2.5)}
+    assert whole["com"]["base"] == pytest.approx([0.0, 0.1, 0.52])
+    # MuJoCo itself merges the bodies.
+    spec = mujoco.MjSpec.from_string(MERGED)
+    spec.compiler.fusestatic = True
+    fused = spec.compile()
+    assert fused.nbody == 2
+    its = measured(model, {"bodies": bodies_of(mujoco, fused), "runs": apart["runs"]})
+    for quantity in SURE:
+        assert its[quantity]["base"] == pytest.approx(whole[quantity]["base"])
+    # The heaviest of them is pressed.
+    assert experiments_for(model)["press"]["force"].keys() == {"bowl"}
+
+
+MATS = """<mujoco><worldbody>
+  <body name="open" pos="0 0 .1"><geom type="box" size=".2 .2 .1"/></body>
+  <body name="covered" pos="1 0 .1"><geom type="box" size=".1 .1 .1"/></body>
+  <body name="lid" pos="1 0 .3"><geom type="box" size=".2 .2 .01"/></body>
+  <body name="can" pos="0 0 .25"><freejoint/><geom type="box" size=".05 .05 .05"/></body>
+</worldbody></mujoco>"""
+
+
+def test_a_ball_lies_on_each_surface_that_is_not_covered(tmp_path: Path) -> None:
+    source = tmp_path / "scene.xml"
+    source.write_text(MATS)
+    model = mujoco.MjModel.from_xml_path(str(add_probes(source, ["open", "covered"])))
+    names = [model.body(body).name for body in range(model.nbody)]
+    assert [name for name in names if name.startswith(PROBE)] == [f"{PROBE}open"]
+    ball = model.body(f"{PROBE}open").pos
+    assert ball[2] == pytest.approx(0.21)
+    # It is next to the can, and no experiment lets it roll.
+    assert max(abs(ball[:2])) > 0.06
+    found = experiments_for(model)
+    assert found["slide"]["velocity"].keys() == {"can"}
+    assert found["press"]["force"].keys() == {"can", f"{PROBE}open"}

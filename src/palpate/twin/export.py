@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import shutil
+import sys
+import tempfile
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,9 +26,10 @@ from palpate.mjcf.inertial import mass_of
 from palpate.mjcf.reading import reparse
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
-from palpate.twin.export_check import SHOWN_BY, Finding, check_export, require_readers
+from palpate.twin.export_check import SHOWN_BY, Finding, add_probes, check_export, require_readers
 from palpate.twin.export_facts import (
     SCENE,
+    file_meshes,
     ready,
     state_inertia,
 )
@@ -173,7 +176,7 @@ def export_twin(
         raise PalpateError(f"the twin cannot be exported as {chosen}: {reason}") from error
     findings: list[Finding] = []
     if check:
-        findings = check_export(packed, scene, file, chosen)
+        findings = check_written(scene, file, chosen, estimates)
         require_readers(findings, chosen)
     notes += assumptions(description, twin.scene.catalogue)
     # List the parameters that the format can state, and the others.
@@ -185,6 +188,29 @@ def export_twin(
         if is_in_twin and parameter not in twin.unwritten:
             (held if can_state(chosen, description, parameter) else lost).append(parameter)
     return Export(chosen, file, tuple(held), tuple(lost), tuple(notes), tuple(findings))
+
+
+def check_written(
+    scene: Path,
+    file: Path,
+    chosen: Format,
+    estimates: Sequence[Estimate],
+    python: str = sys.executable,
+) -> list[Finding]:
+    """Compare an export with its source in each reader that is installed for `python`.
+
+    If the stiffness of fixed surfaces was measured, a second export with a ball on each is compared.
+    """
+    model = mujoco.MjModel.from_xml_path(str(scene))
+    stiff = [e.parameter.object for e in estimates if e.parameter.quantity == "stiffness"]
+    surfaces = [name for name in stiff if not model.body_weldid[model.body(name).id]]
+    if not surfaces:
+        return check_export(model, scene, file, chosen, python)
+    probed = add_probes(scene, surfaces)
+    with tempfile.TemporaryDirectory() as folder:
+        model = mujoco.MjModel.from_xml_path(str(probed))
+        file, _ = WRITERS[chosen](probed, Path(folder), static_frictions(estimates))
+        return check_export(model, probed, file, chosen, python)
 
 
 def with_names(document: Document, description: Description) -> Texts:
@@ -239,13 +265,14 @@ def can_state(chosen: Format, description: Description, parameter: Parameter) ->
 
 
 def _mjcf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
-    shutil.copytree(scene.parent, folder, dirs_exist_ok=True)
     # The same model for readers that compute no masses, and know neither frames nor includes.
     spec = mujoco.MjSpec.from_file(str(scene))
     model = spec.compile()
     state_inertia(spec, model)
-    portable = folder / PORTABLE
+    file_meshes(spec, scene.parent)
     spec.compile()
+    shutil.copytree(scene.parent, folder, dirs_exist_ok=True)
+    portable = folder / PORTABLE
     portable.write_text(without_frames(spec.to_xml()), encoding="utf-8")
     read = mujoco.MjModel.from_xml_path(str(portable))
     require_same(model, read)

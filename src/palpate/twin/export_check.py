@@ -13,6 +13,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from importlib.metadata import PackageNotFoundError, distribution
+from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import mujoco
 import numpy as np
 
 from palpate.common.errors import Unavailable
+from palpate.common.pose import Array
 from palpate.twin.export_facts import is_free
 from palpate.twin.export_readers import run_job, short
 
@@ -31,6 +33,12 @@ SWINGING = {mujoco.mjtJoint.mjJNT_HINGE: 2.0, mujoco.mjtJoint.mjJNT_SLIDE: 0.3}
 """rad/s or m/s: initial speed of a joint."""
 PRESSING = 5.0
 """Weights of a body with which it is pressed down."""
+PROBE = "palpate_probe_"
+"""Start of the names of balls that press on fixed surfaces."""
+PROBE_RADIUS, PROBE_MASS = 0.01, 0.033
+"""m, kg: a ball of steel"""
+ABOVE = 10.0
+"""m: height above a surface at which rays towards it begin."""
 TOLERANCE = {
     "mass": (1e-3, 1e-9),
     "com": (0.0, 1e-4),
@@ -166,8 +174,14 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
     for body in range(1, model.nbody):
         if is_free(model, body):
             name = short(model.body(body).name)
-            velocity[name] = [SLIDING, 0.0, 0.0]
-            force[name] = (PRESSING * model.body_subtreemass[body] * gravity).tolist()
+            # A ball would roll, by each simulator's own law.
+            if not name.startswith(PROBE):
+                velocity[name] = [SLIDING, 0.0, 0.0]
+            # The heaviest of the bodies that are rigidly connected bears the force.
+            parts = np.flatnonzero(model.body_weldid == body)
+            heaviest = int(parts[np.argmax(model.body_mass[parts])])
+            pressed = short(model.body(heaviest).name)
+            force[pressed] = (PRESSING * model.body_subtreemass[body] * gravity).tolist()
     for joint in range(model.njnt):
         speed = SWINGING.get(mujoco.mjtJoint(model.jnt_type[joint]))
         if speed is not None and joint not in driven:
@@ -177,7 +191,9 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
             rate[short(model.joint(joint).name)] = -speed if is_backward else speed
     found: dict[str, dict[str, dict[str, Any]]] = {"rest": {}}
     if velocity:
-        found |= {"slide": {"velocity": velocity}, "press": {"force": force}}
+        found["slide"] = {"velocity": velocity}
+    if force:
+        found["press"] = {"force": force}
     if rate:
         found["swing"] = {"rate": rate}
     return found
@@ -213,27 +229,95 @@ def compare(
 
 
 def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    """Values by quantity and by body or joint. Only moving bodies and undriven joints count."""
+    """Values by quantity and by body or joint. Only moving bodies and undriven joints count.
+
+    Bodies that are rigidly connected count as one, since some readers merge them.
+    """
     runs, found = result["runs"], dict[str, dict[str, Any]]()
-    # Bodies that move and weigh something; simulators leave out others.
-    counted = np.flatnonzero((model.body_weldid > 0) & (model.body_mass > 0.0)).tolist()
-    moving = {short(model.body(b).name) for b in counted}
+    bodies = result["bodies"]
+    parts: dict[str, list[str]] = {}
+    for body in np.flatnonzero(model.body_weldid > 0).tolist():
+        name = short(model.body(body).name)
+        if name and name in bodies:
+            whole = model.body(int(model.body_weldid[body])).name
+            parts.setdefault(short(whole), []).append(name)
+    wholes = {name: merge([bodies[part] for part in of]) for name, of in parts.items()}
     for quantity in ("mass", "com", "inertia"):
-        told = result["bodies"].items()
-        found[quantity] = {n: np.array(v[quantity]) for n, v in told if n in moving and n}
-    free = {short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)}
-    rest = {n: np.array(at) for n, at in runs["rest"]["com"].items() if n in free}
-    found["pose"] = rest
-    for quantity in ("slide", "press"):
+        found[quantity] = {n: whole[quantity] for n, whole in wholes.items() if whole["mass"] > 0.0}
+    free = [short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)]
+
+    def centres_after(experiment: str) -> dict[str, Any]:
+        com = runs[experiment]["com"]
+        masses = {n: [bodies[part]["mass"] for part in parts[n]] for n in free if n in parts}
+        return {
+            n: np.average([com[part] for part in parts[n]], axis=0, weights=weights)
+            for n, weights in masses.items()
+            if sum(weights) > 0.0 and com.keys() >= set(parts[n])
+        }
+
+    rest = centres_after("rest")
+    found["pose"] = {n: at for n, at in rest.items() if not n.startswith(PROBE)}
+    # A ball sinks into a soft surface by its own weight: its depth counts from the first touch.
+    before = {n: wholes[n]["com"] if n.startswith(PROBE) else at for n, at in rest.items()}
+    for quantity, counted in (("slide", found["pose"]), ("press", before)):
         if quantity in runs:
-            after = runs[quantity]["com"]
-            found[quantity] = {n: np.array(after[n]) - at for n, at in rest.items()}
+            after = centres_after(quantity).items()
+            found[quantity] = {n: at - before[n] for n, at in after if n in counted}
     if "swing" in runs:
         # A joint without a name in the source cannot be found elsewhere.
-        before = runs["rest"]["joints"]
+        still = runs["rest"]["joints"]
         swung = runs["swing"]["joints"].items()
-        found["swing"] = {n: np.array([angle - before[n]]) for n, angle in swung if n}
+        found["swing"] = {n: np.array([angle - still[n]]) for n, angle in swung if n}
     return found
+
+
+def merge(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """Mass, centre of mass and inertia about it, in world axes, of rigidly connected bodies."""
+    masses = np.array([part["mass"] for part in parts])
+    centres = np.array([part["com"] for part in parts])
+    com = masses @ centres / max(masses.sum(), 1e-300)
+    # Parallel axes: each inertia moves from its own centre to the common one.
+    inertia = np.zeros((3, 3))
+    for part, mass, centre in zip(parts, masses, centres - com, strict=True):
+        away = centre @ centre * np.eye(3) - np.outer(centre, centre)
+        inertia += np.reshape(part["inertia"], (3, 3)) + mass * away
+    return {"mass": masses.sum(), "com": com, "inertia": inertia}
+
+
+def add_probes(scene: Path, surfaces: Sequence[str]) -> Path:
+    """Write a copy of a scene, next to it, with a free ball on each fixed surface.
+
+    A surface that something covers everywhere gets none.
+    """
+    spec = mujoco.MjSpec.from_file(str(scene))
+    model = spec.compile()
+    for name in surfaces:
+        if (at := probe_centre(model, int(model.body(name).id))) is not None:
+            ball = spec.worldbody.add_body(name=PROBE + name, pos=at)
+            ball.add_freejoint()
+            kind, size = mujoco.mjtGeom.mjGEOM_SPHERE, [PROBE_RADIUS, 0.0, 0.0]
+            ball.add_geom(type=kind, size=size, mass=PROBE_MASS)
+    spec.compile()
+    probed = scene.with_name("probed.xml")
+    probed.write_text(spec.to_xml(), encoding="utf-8")
+    return probed
+
+
+def probe_centre(model: mujoco.MjModel, body: int) -> Array | None:
+    """Centre (3,) of a ball that touches a body from above in the scene's initial state, or None."""
+    mj: Any = mujoco  # its type stubs have no rays
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    hit, down = np.array([-1], dtype=np.int32), np.array([0.0, 0.0, -1.0])
+    for geom in np.flatnonzero(model.geom_bodyid == body):
+        # Vertical rays around the centre.
+        spread = model.geom_rbound[geom] * np.linspace(-0.4, 0.4, 5)
+        for x, y in product(spread, spread):
+            start = data.geom_xpos[geom] + [x, y, ABOVE]
+            away: float = mj.mj_ray(model, data, start, down, None, 1, -1, hit)
+            if hit[0] == geom:
+                return start + (away - PROBE_RADIUS) * down
+    return None
 
 
 def judge(reader: str, quantity: str, mine: Mapping[str, Any], its: Mapping[str, Any]) -> Finding:

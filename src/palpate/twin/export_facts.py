@@ -62,9 +62,8 @@ SPREAD = 0.01
 """m: radius of gyration of a massless body."""
 SUBDIVISIONS = 3
 """Subdivisions of an icosahedron. An ellipsoid then becomes a mesh of 642 points."""
-READ = (".obj", ".stl")
-"""Formats of meshes that all simulators read."""
-_TRIANGLE = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("rest", "<u2")])
+READ = ".obj"
+"""Format of meshes that all simulators read; Drake reads no other that MuJoCo reads."""
 
 
 def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
@@ -133,30 +132,28 @@ def state_inertia(spec: mujoco.MjSpec, model: mujoco.MjModel) -> None:
 
 
 def file_meshes(spec: mujoco.MjSpec, folder: Path) -> None:
-    """Write STL files of the meshes that are defined in the scene itself, or in formats that few
-    programs read.
+    """Write OBJ files of the meshes that are defined in the scene itself, or in other formats.
+
+    `folder` is that of the scene.
     """
     model = spec.compile()
     for mesh in spec.meshes:
-        if Path(mesh.file).suffix.lower() in READ or mesh.plugin.active:
+        if Path(mesh.file).suffix.lower() == READ or mesh.plugin.active:
             continue
         # MuJoCo has moved the vertices into the mesh's principal frame: move them back.
         was = Pose.of(model.mesh_pos[mesh.id], model.mesh_quat[mesh.id])
         corners = mesh_corners(model, mesh.id) @ was.rotation.T + was.position
-        mesh.file = f"filed_{mesh.id}.stl"
-        write_stl(folder / mesh.file, corners)
+        mesh.file = f"filed_{mesh.id}{READ}"
+        write_obj(folder / mesh.file, corners)
         mesh.content_type = ""
         mesh.scale, mesh.refpos, mesh.refquat = np.ones(3), np.zeros(3), [1.0, 0.0, 0.0, 0.0]
         mesh.uservert, mesh.userface, mesh.usernormal = [], [], []
         mesh.usertexcoord, mesh.userfacenormal, mesh.userfacetexcoord = [], [], []
 
 
-def write_stl(path: Path, corners: Array) -> None:
-    """Write binary STL of triangles: `corners` (n, 3, 3) in m, each corner a row."""
-    # Unit normals from the edges; degenerate triangles get a zero normal.
-    across = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    triangles = np.zeros(len(corners), _TRIANGLE)
-    triangles["corners"] = corners
-    triangles["normal"] = across / np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-30)
-    # Layout: a header of 80 bytes, the count of triangles, and the triangles.
-    path.write_bytes(bytes(80) + np.uint32(len(corners)).tobytes() + triangles.tobytes())
+def write_obj(path: Path, corners: Array) -> None:
+    """Write an OBJ file of triangles: `corners` (n, 3, 3) in m, each corner a row."""
+    points, faces = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in points.tolist()]
+    lines += [f"f {a} {b} {c}" for a, b, c in (faces.reshape(-1, 3) + 1).tolist()]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -213,7 +213,8 @@ class Warp(MuJoCo):
 class Newton(Reader):
     """Newton with its MuJoCo solver.
 
-    `remedy`: the resolver of MuJoCo's attributes in USD, and several contacts of round shapes.
+    `remedy`: the resolver of MuJoCo's attributes in USD, several contacts of round shapes, and room
+    for all contacts.
     """
 
     package = "newton"
@@ -276,7 +277,9 @@ class Newton(Reader):
     def advance(self, steps: int, forces: dict[str, list[float]]) -> None:
         model = self.model
         model.joint_qd.assign(self.started)
-        options = {"enable_multiccd": True} if self.remedy else {}
+        # Without sizes it has room for few contacts, and drops the others with a printed line.
+        sizes = {"nconmax": 1024, "njmax": 8192}
+        options = {"enable_multiccd": True, **sizes} if self.remedy else {}
         solver = self.solver(model, **options)
         before, after, control = model.state(), model.state(), model.control()
         self.newton.eval_fk(model, model.joint_q, model.joint_qd, before)

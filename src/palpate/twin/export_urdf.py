@@ -30,7 +30,7 @@ from palpate.twin.export_facts import (
     geoms_of,
     is_free,
     tensor,
-    write_stl,
+    write_obj,
 )
 from palpate.twin.export_readers import Placement
 
@@ -97,7 +97,7 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
     if model.nmesh:
         (path.parent / MESHES).mkdir()
     for mesh in range(model.nmesh):
-        write_stl(path.parent / mesh_file(mesh), mesh_corners(model, mesh))
+        write_obj(path.parent / mesh_file(mesh), mesh_corners(model, mesh))
     return written
 
 
@@ -352,7 +352,7 @@ def roll_pitch_yaw(rotation: Array) -> Array:
 
 
 def mesh_file(mesh: int) -> str:
-    return f"{MESHES}/mesh_{mesh}.stl"
+    return f"{MESHES}/mesh_{mesh}.obj"
 
 
 def _numbers(values: Iterable[float]) -> str:
