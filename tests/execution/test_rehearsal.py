@@ -240,6 +240,17 @@ def test_the_same_pose_twice_while_holding_is_no_error() -> None:
     assert rehearse(sequence(steps), cell).failure is None
 
 
+@pytest.mark.parametrize(("friction", "fails"), [("0.4", False), ("0.3", True)])
+def test_the_pads_are_half_as_rough_in_one_world(friction: str, fails: bool) -> None:
+    """1.2 kg weigh 11.8 N; a friction of 0.15 holds 12 N at rest, and not while it is lifted."""
+    cell = scene(CAN.replace("{mass}", f'{{mass}}" priority="2" friction="{friction}'), "1.2")
+    predicted = rehearse(weighing(scene(CAN, "?"), "can"), cell)
+    assert predicted.draws == 2
+    assert (predicted.failure is not None) == fails
+    assert not fails or "can dropped" in str(predicted.failure)
+    assert not fails or "50 % as rough as believed" in str(predicted.failure)
+
+
 def test_a_plan_is_rehearsed_once_in_a_scene() -> None:
     cell = scene(CAN)
     plan = weighing(cell, "can")

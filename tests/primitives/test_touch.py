@@ -9,7 +9,10 @@ import numpy as np
 import pytest
 
 from palpate.common.pose import Pose
+from palpate.primitives.contact import MoveUntilContact
 from palpate.primitives.guarding import CREEPING, DRIFT_MOST, FreeAir, settle
+from palpate.primitives.state import SymbolicState
+from palpate.scene.load import parse_scene
 from palpate.trace.samples import Samples
 
 DOWN = np.array([0.0, 0.0, -1.0])
@@ -79,3 +82,25 @@ def test_an_arm_whose_elbow_still_creeps_has_not_settled() -> None:
         resting += TICK if state.dq[0] < CREEPING else 0.0
     assert state.t > np.log(0.2 / CREEPING) / 5.0
     assert resting >= 0.1
+
+
+@pytest.mark.parametrize(
+    ("shape", "mass", "refused"),
+    [
+        ('type="box" size=".03 .03 .03"', 0.6, False),
+        ('type="box" size=".03 .03 .03"', 0.3, True),
+        ('type="cylinder" size=".03 .03"', 0.6, False),
+        ('type="cylinder" size=".03 .03" euler="90 0 0"', 0.6, True),
+        ('type="sphere" size=".03"', 0.6, True),
+    ],
+)
+def test_a_probe_from_the_side_does_not_push_its_object_away(shape, mass, refused) -> None:
+    """A friction of 0.6 makes 0.6 kg resist with 3.5 N, and 0.3 kg with 1.8 N; what lies round rolls."""
+    scene = parse_scene(f"""<mujoco><worldbody><site name="robot_base"/>
+      <body name="table" pos="0.5 0 -0.02"><geom type="box" size=".4 .5 .02" friction=".1"/></body>
+      <body name="thing" pos="0.5 0.1 0.03"><freejoint/><geom {shape} mass="{mass}" friction=".6"/></body>
+    </worldbody></mujoco>""")
+    pose = Pose.top_down((0.6, 0.1, 0.03), 0.0)
+    state = SymbolicState(scene, at="thing_pose", pose_world_tcp=pose, gripper="closed")
+    found = MoveUntilContact(axis="-x").requires(state)
+    assert any("would push 'thing' away" in one.message for one in found) == refused, found

@@ -89,6 +89,18 @@ def test_a_tilt_does_not_straighten_the_wrist(scene, across):
         assert Tilt(about=sideways).violations(state) == []
 
 
+@pytest.mark.parametrize(("degrees", "refused"), [(10.0, False), (30.0, True)])
+def test_a_weight_far_below_the_pads_is_not_tilted_about_them(degrees, refused):
+    """1.4 kg, 88 mm below the pads: 30° give 0.6 N m, and the pads hold 0.53 N m."""
+    text = BAR.format(inertial="", mass='mass="1.4"').replace(".12 .01 .012", ".012 .01 .12")
+    bottle = parse_scene(text.replace("0.5 0 0.012", "0.5 0 0.12"))
+    state = above(bottle, 0.15, "bar")
+    found = [one for one in Tilt(degrees=degrees).requires(state) if one.rule == "twist"]
+    assert bool(found) == refused
+    assert all('Tilt(about="x")' in one.message for one in found)
+    assert not [one for one in Tilt(about="x").requires(state) if one.rule == "twist"]
+
+
 def test_joint_friction_weighs_more_the_straighter_the_wrist_is(scene):
     level = above(scene, 0.15).pose_world_tcp
     felt: list[float] = []

@@ -87,3 +87,10 @@ def test_a_moment_within_the_lever_of_the_force_is_the_hands() -> None:
 def test_a_rougher_arm_may_leave_more_unexplained() -> None:
     arm = arms().load("fr3")
     assert 2.0 < unexplained_torque(arm) < unexplained_torque(arm.real()) < 3.0
+
+
+def test_a_sudden_change_of_the_torques_stops_the_empty_hand_only() -> None:
+    free, carrying = Links(2.0, 0.1, change=2.0), Links(2.0, 0.1)
+    assert free.stop_reason(1.5, 10.0, 1.9) is None
+    assert "changed suddenly by 2.1 N m" in str(free.stop_reason(1.5, 10.0, 2.1))
+    assert carrying.stop_reason(1.5, 10.0, 9.0) is None

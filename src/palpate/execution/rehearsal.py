@@ -28,8 +28,10 @@ from palpate.execution.witness import LOOK, Witness
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Plan, plan_json
 from palpate.primitives.base import Blackboard
+from palpate.primitives.gripper import CloseGripper
 from palpate.primitives.rules.solids import solids
 from palpate.primitives.state import RESTORED_POSITION, SymbolicState
+from palpate.robots.description import PREFIX
 from palpate.robots.owner import measured_arm
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.scene.scene import Scene
@@ -37,6 +39,9 @@ from palpate.scene.scene import Scene
 # s of observation after the end of a run. An object released in the last moment falls or tips over
 # in a shorter time.
 AFTERWARDS = 1.0
+# Factor on the friction of the pads in a drawn world: friction on rubber varies by this with dust or water
+SMOOTHER = 0.5
+FIRMER = "grasp it nearer to its centre of mass, and lift, tilt or swing it less"
 DRAWS = 2  # Number of worlds drawn from the priors of open values, in addition to the believed one
 # s, longest robot time of a rehearsal; a longer plan must be split into several runs.
 LONGEST = 600.0
@@ -123,12 +128,14 @@ def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
 
 
 def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
-    # The drawn worlds run in a process of their own, next to the believed one.
-    seeds = range(1, 1 + draws if scene.missing else 1)
+    # The drawn worlds run in a process of their own, next to the believed one. In the first of them the
+    # pads are smoother than believed. If the scene has no unknowns, it is the only one of a plan that grasps.
+    seeds = range(1, 1 + draws) if scene.missing else range(min(draws, int(_grasps(plan))))
+    others = [(seed, 1.0 if i else SMOOTHER) for i, seed in enumerate(seeds)]
     with (
         interrupts() as signals,
         signals.raised(),
-        Beside(lambda: [_attempt(plan, scene, seed) for seed in seeds]) as beside,
+        Beside(lambda: [_attempt(plan, scene, *other) for other in others]) as beside,
     ):
         believed = _attempt(plan, scene, 0)
         drawn = [] if believed.failure else beside.result()
@@ -141,6 +148,12 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
         draws=1 + len(drawn),
         foresight=believed.foresight.among(*(other.foresight for other in drawn)),
     )
+
+
+def _grasps(plan: Plan) -> bool:
+    """True for a plan that closes the fingers on an object."""
+    nodes = plan.tree.walk() if plan.tree is not None else ()
+    return any(node.type == CloseGripper.__name__ for _, node in nodes)
 
 
 def named_objects(plan: Plan, scene: Scene) -> frozenset[str]:
@@ -164,11 +177,15 @@ def _subject(value: object, scene: Scene) -> set[str]:
     return {value, scene.symbols.subjects.get(place, place)}
 
 
-def _attempt(plan: Plan, scene: Scene, seed: int) -> Rehearsal:
-    """Rehearse in one world, the believed one for seed 0. In others, only a harm is a failure."""
+def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsal:
+    """Rehearse in one world, in others than the believed one with harm as the only failure.
+
+    Unknowns are as believed for seed 0. `grip` is a factor on the friction between pads and objects.
+    """
     # A simulated robot in the drawn or believed world, observed by a witness.
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
+    _scale_grip(robot.world.model, grip)
     witness, look = Witness.of(robot.world), WorldComparison(robot.world)
     named, pace = named_objects(plan, scene), TimePrediction(plan, QUIET)
 
@@ -202,15 +219,30 @@ def _attempt(plan: Plan, scene: Scene, seed: int) -> Rehearsal:
     if pace.is_too_slow or done.robot_seconds >= LONGEST:
         stop = "tree", f"it takes more than {LONGEST:g} s; make several plans of it"
     # A complete run must also restore all objects, as the plan promises.
-    if harmed is None and stop is None and not seed:
+    believed = seed == 0 and grip == 1.0
+    if harmed is None and stop is None and believed:
         harmed = _first_displacement(done, witness, scene, look.foresight)
     # Largest external force at the TCP over the whole run.
     force = np.linalg.norm(done.trace.samples.wrench[:, :3], axis=1)
     peak = float(force.max(initial=0.0))
-    path, failure = harmed or (None if seed else stop) or ("tree", None)
+    path, failure = harmed or (stop if believed else None) or ("tree", None)
+    if failure is not None and grip != 1.0:
+        failure += f", if the pads are {100 * grip:.0f} % as rough as believed; {FIRMER}"
     return Rehearsal(
         done.actions, done.robot_seconds, peak, failure, path=path, foresight=look.foresight
     )
+
+
+def _scale_grip(model: mujoco.MjModel, factor: float) -> None:
+    """Scale the friction of the contacts between pads and objects in a compiled world."""
+    slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
+    fingers = [b for b in model.jnt_bodyid[slides] if model.body(b).name.startswith(PREFIX)]
+    pads = np.isin(model.geom_bodyid, fingers)
+    # A geom of higher priority, or a rougher one of equal priority, decides instead of the pads.
+    priority, friction = model.geom_priority, model.geom_friction
+    most = priority[pads].max(initial=0)
+    rougher = (priority == most) & (friction[:, 0] > friction[pads, 0].max(initial=0.0))
+    friction[pads | (priority > most) | rougher] *= factor
 
 
 def _attempt_in_unrest(what: str | None) -> Rehearsal:

@@ -196,12 +196,16 @@ class Blackboard:
         mistaken = max(mistaken_force(arm, q) for q in places)
         self.mistaken = min(mistaken, reflexes.carrying.force)
         turning = min(max(mistaken_moment(arm, q) for q in places), reflexes.probing.torque)
+        links = self.links
+        # The empty hand in free air meets no force, so that any sudden change is a contact.
+        if thresholds is reflexes.free and not any(self.pressed):
+            links = replace(links, change=links.torque)
         self.robot.set_reflex(
             replace(
                 thresholds,
                 force=max(thresholds.force, self.mistaken),
                 torque=max(thresholds.torque, turning),
-                links=self.links,
+                links=links,
                 pressed=self.pressed,
             )
         )

@@ -35,7 +35,7 @@ from palpate.primitives.rules.clearance import box_hits, hand_path
 from palpate.primitives.rules.collision_geometry import hand_sweep, opening
 from palpate.primitives.rules.profile import POSE_ERROR
 from palpate.primitives.rules.solids import SIDES, solids
-from palpate.primitives.rules.support import above
+from palpate.primitives.rules.support import above, sideways_resistance
 from palpate.primitives.rules.sweep import FINEST, Hit
 from palpate.primitives.rules.unknown_heights import lacks_measurement
 from palpate.primitives.state import PRECONDITION, SymbolicState, Violation
@@ -81,6 +81,9 @@ PRESS_SPEED = 0.006
 THICKEST = 0.03
 # N, threshold where a free object may be met sideways: the least force that exceeds joint friction.
 SIDE_FORCE = 2.0
+# Least ratio of an object's resistance to that force: a box that resists with 2.0 N moves by 0.5 mm,
+# and one with 1.5 N is pushed all the way.
+RESISTS = 1.25
 CONTACT_TORQUE = 3.0  # N m, threshold of the moment: the least that exceeds joint friction
 PROBE_TRAVEL = 0.30  # m, largest travel of a probe
 # m, search distance for the exact contact, from the believed end of a probe just before it.
@@ -321,6 +324,14 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
             f"the {hit.part.owner} would touch '{name}' before the fingertips; probe from a pose above "
             "the middle of the body, clear of all others",
         )
+    if name in state.scene.objects and abs(float(direction[2])) < 0.5:
+        resists = sideways_resistance(state, name)
+        if resists < RESISTS * SIDE_FORCE:
+            yield Violation(
+                PRECONDITION,
+                f"the probe would push '{name}' away: it presses with {SIDE_FORCE:g} N until it stops, and '{name}' "
+                f"resists with {resists:.1f} N; touch it from above, or grasp it",
+            )
 
 
 class _Contact:

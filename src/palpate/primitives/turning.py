@@ -189,7 +189,24 @@ class Tilt(_Turning):
         return [angle * AXES[self.about], -angle * AXES[self.about]]
 
     def requires(self, state: SymbolicState) -> list[Violation]:
-        return super().requires(state) or [*self._straightening(state)]
+        return super().requires(state) or [*self._straightening(state), *self._twisting(state)]
+
+    def _twisting(self, state: SymbolicState) -> Iterator[Violation]:
+        """Violation for a tilt in which the weight would turn the held object in the pads."""
+        scene, held, name = state.scene, state.pose_tcp_object, state.holding
+        if held is None or name is None or self.about == "x":
+            return
+        # Moment of the weight about the line between the pads, at both tilts: m g times the lever.
+        x, _, z = held.apply(solids(scene).centre_of_mass(name)).tolist()
+        angle, weight = math.radians(self.degrees), solids(scene).mass(name) * scene.gravity
+        moment = weight * (abs(x) * math.cos(angle) + abs(z) * math.sin(angle))
+        most = torsion(scene, name)
+        if moment > most:
+            yield Violation(
+                "twist",
+                f"tilted about y by {self.degrees:g}°, '{name}' would turn in the pads with {moment:.2f} N m, of "
+                f'at most {most:.2f} N m; Tilt(about="x"), tilt less, or grasp it nearer to its middle',
+            )
 
     def _straightening(self, state: SymbolicState) -> Iterator[Violation]:
         """Violation for a tilt near a straight wrist, where joint friction would be taken for a collision."""
@@ -310,7 +327,7 @@ class Swing(_Turning):
         inertia = mass * (float(body.size @ body.size) / 12.0 + lever**2)
         moment = mass * scene.gravity * lever
         moment += inertia * (scene.arm.pace.swinging_acceleration or 0.0)
-        most = torsion(scene)
+        most = torsion(scene, state.holding)
         if moment > most:
             yield Violation(
                 "twist",

@@ -71,13 +71,14 @@ def free_speeds(
     """Compute the speed limits, m/s, in free air in each equal part of the straight `way` (3,), m, in the nominal
     arm's axes. `bent` has the joint angles (7,), rad, at its beginning and end.
     """
-    direction = way / np.linalg.norm(way)
-    first, last = bent
+    length = float(np.linalg.norm(way))
+    direction, (first, last) = way / length, bent
     # Evaluate the limit at stations between the two configurations; a part takes the lower of its ends.
     speeds: list[float] = []
     for share in np.linspace(0.0, 1.0, STATIONS).tolist():
         q = first + share * (last - first)
-        speeds.append(free_speed(nominal, arm, q, direction))
+        speed = free_speed(nominal, arm, q, direction)
+        speeds.append(min(speed, elbow_speed(nominal, arm, q, direction, (last - first) / length)))
     return [min(pair) for pair in pairwise(speeds)]
 
 
@@ -101,6 +102,20 @@ def free_speed(nominal: NominalArm, arm: RobotDescription, q: Array, direction: 
         mass = guided_mass(mass_matrix, point_jacobian(jacobian, -behind * tool), direction)
         speed = min(speed, impulse_speed(arm.pace, mass, stiffness))
     return speed
+
+
+def elbow_speed(
+    nominal: NominalArm, arm: RobotDescription, q: Array, direction: Array, rate: Array
+) -> float:
+    """Compute the TCP's speed limit, m/s, at which the elbow keeps the pace's impulse.
+
+    The TCP moves along the unit `direction` (3,). The joints move at the mean `rate` (7,), rad/m, corrected to
+    this direction: dq = r + J^+ (d - J_v r, 0).
+    """
+    mass_matrix, jacobian = nominal.mass_matrix(q), nominal.jacobian(q)
+    missing = np.concatenate([direction - jacobian[:3] @ rate, np.zeros(3)])
+    way = rate + jacobian.T @ np.linalg.solve(jacobian @ jacobian.T + RIDGE, missing)
+    return _impulse_rate(arm.pace, mass_matrix, nominal.elbow_jacobian(), way, SHELL)
 
 
 def guided_mass(mass_matrix: Array, jacobian: Array, direction: Array) -> float:
@@ -136,15 +151,20 @@ def point_rate(nominal: NominalArm, arm: RobotDescription, q: Array, way: Array)
     wrist = point_jacobian(tcp, -arm.reach.wrist * tool_axis(nominal, q))
     # Each point meets an obstacle with its effective mass 1 / (d^T J M^-1 J^T d).
     points = ((tcp[:3], STIFFEST), (wrist, STIFFEST), (nominal.elbow_jacobian(), SHELL))
-    rate = math.inf
-    for point, stiffness in points:
-        velocity = point @ way
-        size = float(np.linalg.norm(velocity))
-        if size > STILL:
-            ahead = velocity / size
-            mass = 1.0 / float(ahead @ point_mobility(mass_matrix, point) @ ahead)
-            rate = min(rate, min(arm.pace.speed, impulse_speed(arm.pace, mass, stiffness)) / size)
-    return rate
+    return min(_impulse_rate(arm.pace, mass_matrix, point, way, k) for point, k in points)
+
+
+def _impulse_rate(
+    pace: MotionLimits, mass_matrix: Array, point: Array, way: Array, stiffness: float
+) -> float:
+    """Compute the rate limit, 1/s, of a point with its Jacobian (3, 7) along the joint motion `way` (7,)."""
+    velocity = point @ way
+    size = float(np.linalg.norm(velocity))
+    if size <= STILL:
+        return math.inf
+    ahead = velocity / size
+    mass = 1.0 / float(ahead @ point_mobility(mass_matrix, point) @ ahead)
+    return min(pace.speed, impulse_speed(pace, mass, stiffness)) / size
 
 
 def tool_axis(nominal: NominalArm, q: Array) -> Array:

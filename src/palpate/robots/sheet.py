@@ -28,10 +28,20 @@ class Links:
 
     torque: float  # N m, norm over the joints, of their friction and of the sensors' errors
     lever: float  # m
+    # N m, norm over the joints of the sudden change of the external torques that friction and sensors
+    # explain. The empty hand in free air meets no force at all.
+    change: float = math.inf
 
-    def stop_reason(self, unexplained: float, force: float) -> str | None:
-        """Return the reason to stop at `unexplained` N m together with a `force`, N; None without one."""
+    def stop_reason(self, unexplained: float, force: float, change: float = 0.0) -> str | None:
+        """Return the reason to stop at `unexplained` N m together with a `force`, N, and a sudden `change` of the
+        torques, N m; None without one.
+        """
         most = self.torque + self.lever * force
+        if change > self.change:
+            return (
+                f"unexpected contact: the arm stopped itself as the torques of its joints changed suddenly by "
+                f"{change:.1f} N m, more than {self.change:.1f} N m"
+            )
         if unexplained <= most:
             return None
         return (

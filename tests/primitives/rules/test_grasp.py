@@ -48,6 +48,23 @@ def test_fingers_close_in_the_middle_of_a_thing_that_they_can_bear(
     assert [found.rule for found in ungraspable(state, state.scene.body("rod"))] == rules
 
 
+@pytest.mark.parametrize(
+    ("friction", "priority", "rules"),
+    [(0.3, 2, ["twist"]), (0.5, 2, []), (0.3, 0, []), (0.3, 1, [])],
+)
+def test_half_of_the_friction_of_the_pads_must_hold_the_weight(
+    friction: float, priority: int, rules: list[str]
+) -> None:
+    """1.5 kg weigh 14.7 N, and the hand presses with 80 N; pads of priority 1 have a friction of 1."""
+    text = ROD.format(mass=f'1.5" priority="{priority}" friction="{friction}')
+    scene = parse_scene(text)
+    pose = scene.symbols.resolve("rod_pose")
+    state = replace(SymbolicState(scene), gripper="open", pose_world_tcp=pose)
+    found = ungraspable(state, scene.body("rod"))
+    assert [one.rule for one in found] == rules
+    assert all("slide out of the pads" in one.message for one in found)
+
+
 @pytest.mark.parametrize("end", [-1, 1])
 def test_a_heavy_thing_held_at_its_end_is_to_be_grasped_nearer_to_its_middle(end: int) -> None:
     scene = at_rod(0.0, 0.0).scene

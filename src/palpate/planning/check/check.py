@@ -76,7 +76,7 @@ _ACTIONS = {
     f"{mm(PUSHED)} of theirs; they open only when the held object is supported; neither happens during a motion.",
     "too-wide": "A grasped object fits the hand.",
     "payload": "A grasped object is not known to exceed the payload.",
-    "twist": "The grasp is so near to the centre of mass that the object does not twist.",
+    "twist": "The pads hold the object: it neither twists nor slips out.",
     PRECONDITION: "Other preconditions hold. MoveUntilContact: from a pose, with empty fingers, no contact yet, and "
     f"a body within {1e3 * PROBE_TRAVEL:.0f} mm whose top is at most {mm(SINKING)} above the fingertips. "
     "MoveJoints: between a level hand and one that points down, the wrist turns first. Conversion: the log is "

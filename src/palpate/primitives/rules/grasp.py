@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from palpate.common.errors import InputError
@@ -18,6 +20,9 @@ PUSHED = 0.010
 # Mean lever of an evenly pressed square pad over its side: ∫∫ sqrt(x² + y²) dx dy over the unit
 # square about its centre. Friction times force times this lever resists turning.
 TORSION = 0.38
+SURELY_HELD = (
+    0.5  # Largest fraction of the pads' friction that a weight may use: it may be half as rough
+)
 
 
 def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
@@ -43,8 +48,22 @@ def ungraspable(state: SymbolicState, body: Body) -> list[Violation]:
             f"push it; MovePose to '{body.name}_pose' first"
         )
         found.append(Violation("gripper-state", problem))
-    found += _twisting(state, body, pose)
+    found += [*_sliding(state, body), *_twisting(state, body, pose)]
     return [*found, *finger_collisions(state, held.width, body.name)]
+
+
+def _sliding(state: SymbolicState, body: Body) -> Iterator[Violation]:
+    """Violation of a grasp whose friction, at a fraction `SURELY_HELD`, does not hold the believed weight."""
+    scene, shapes = state.scene, solids(state.scene)
+    weight, friction = shapes.mass(body.name) * scene.gravity, grip_friction(scene, body.name)
+    held = friction * scene.arm.hand.force
+    if weight > SURELY_HELD * held:
+        yield Violation(
+            "twist",
+            f"'{body.name}' may slide out of the pads: its friction of {friction:g} holds {held:.1f} N at "
+            f"most, and its weight of {weight:.1f} N is more than {100 * SURELY_HELD:.0f} % of that; do not lift "
+            "it, or state its friction on the pads",
+        )
 
 
 def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Violation]:
@@ -54,7 +73,7 @@ def _twisting(state: SymbolicState, body: Body, pose_world_tcp: Pose) -> list[Vi
     centre = state.pose_of(body.name).apply(shapes.centre_of_mass(body.name))
     beside = float((centre - pose_world_tcp.position) @ pose_world_tcp.rotation[:, 0])
     weight = shapes.mass(body.name) * scene.gravity
-    moment, most = weight * abs(beside), torsion(scene)
+    moment, most = weight * abs(beside), torsion(scene, body.name)
     if moment <= most:
         return []
     problem = (
@@ -92,20 +111,25 @@ def most_sideways(state: SymbolicState, way: Array) -> float:
     # Component of the force across the line between the pads, and its lever below them.
     across = abs(float(way @ pose.rotation[:, 0])) / max(float(np.linalg.norm(way)), 1e-9)
     lever = max(float(pose.position[2]) - bottom, 0.0) * across
-    return torsion(scene) / max(lever, 1e-9)
+    return torsion(scene, state.holding) / max(lever, 1e-9)
 
 
-def torsion(scene: Scene) -> float:
-    """Largest moment, N m, with which the two pads resist turning about the line between them.
+def grip_friction(scene: Scene, name: str) -> float:
+    """Sliding friction between the pads and an object."""
+    shapes = solids(scene)
+    return shapes.friction(shapes.pads[LEFT].geoms[:1], shapes.objects[name].geoms)
+
+
+def torsion(scene: Scene, name: str) -> float:
+    """Largest moment, N m, with which the two pads resist turning of an object about the line between them.
 
     μ F times the mean lever `TORSION` times the side of a pad.
     """
     shapes = solids(scene)
-    pad = shapes.pads[LEFT].geoms[0]
-    size, friction = shapes.model.geom_size[pad], shapes.model.geom_friction[pad, 0]
+    size = shapes.model.geom_size[shapes.pads[LEFT].geoms[0]]
     # Side of a square of the pad's area, from the half extents of its box.
     side = 2 * float(np.sqrt(size[0] * size[2]))
-    return float(friction) * scene.arm.hand.force * TORSION * side
+    return grip_friction(scene, name) * scene.arm.hand.force * TORSION * side
 
 
 def does_not_fit(scene: Scene, name: str) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, lru_cache
+from itertools import product
 from typing import NamedTuple, TypeVar, cast
 
 import mujoco
@@ -171,6 +172,18 @@ class Solids:
     def mass(self, name: str) -> float:
         """Believed mass of an object, kg."""
         return float(self.model.body(name).subtreemass[0])
+
+    def friction(self, one: Iterable[int], other: Iterable[int]) -> float:
+        """Least sliding friction among contacts of two groups of geoms, as MuJoCo combines it."""
+        priority, friction = self.model.geom_priority, self.model.geom_friction[:, 0]
+
+        def combine(a: int, b: int) -> float:
+            # The geom of higher priority decides; equal ones have the larger friction.
+            if priority[a] == priority[b]:
+                return float(max(friction[a], friction[b]))
+            return float(friction[a if priority[a] > priority[b] else b])
+
+        return min((combine(a, b) for a, b in product(one, other)), default=0.0)
 
     def get_or_compute(self, key: object, compute: Callable[[], T]) -> T:
         """Cached result of a key, computed if absent."""

@@ -11,6 +11,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from functools import cached_property
 
+import mujoco
 import numpy as np
 
 from palpate.common.errors import InputError
@@ -35,6 +36,14 @@ OFF_CENTRE = 0.1
 EDGE = 0.003  # m between an object of unknown centre of mass and the edge of its carriers
 AS_FOUND = 0.003  # m, position error up to which an object counts as back at its given pose
 UPRIGHT = np.radians(2.0)  # rad that an object may lean
+CYLINDER = mujoco.mjtGeom.mjGEOM_CYLINDER
+# Shapes that roll unless they stand on a flat end
+ROLLING = {
+    CYLINDER,
+    mujoco.mjtGeom.mjGEOM_SPHERE,
+    mujoco.mjtGeom.mjGEOM_CAPSULE,
+    mujoco.mjtGeom.mjGEOM_ELLIPSOID,
+}
 MIN_SLIDE = 0.03  # m: a shorter slide is not much more than the grip's and the arm's compliance
 
 
@@ -86,6 +95,23 @@ def footing(state: SymbolicState, name: str, pose_world_object: Pose) -> Footing
     """Footing of an object at a pose, among everything else that is not held."""
     key = ("footing", name, pose_world_object.digits, state.holding, *state.others(name))
     return solids(state.scene).get_or_compute(key, lambda: _footing(state, name, pose_world_object))
+
+
+def sideways_resistance(state: SymbolicState, name: str) -> float:
+    """Horizontal force, N, that a standing object resists: its believed friction times its weight.
+
+    A ball, or a cylinder on its side, rolls and resists nothing.
+    """
+    shapes, pose = solids(state.scene), state.pose_of(name)
+    parts = shapes.objects[name]
+    kind = mujoco.mjtGeom(int(shapes.model.geom_type[parts.geoms[0]]))
+    stands = abs(float((pose.rotation @ parts.rotations[0])[2, 2])) > np.cos(UPRIGHT)
+    if len(parts.geoms) == 1 and kind in ROLLING and not (stands and kind == CYLINDER):
+        return 0.0
+    below = footing(state, name, pose).owners
+    under = [geom for geom, owner in shapes.owners.items() if owner in below]
+    friction = shapes.friction(parts.geoms, under)
+    return friction * shapes.mass(name) * state.scene.gravity
 
 
 def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:

@@ -76,6 +76,7 @@ class Guard:
         self._dq: Array = np.zeros(7)
         self._force: Array = np.zeros(3)
         self._usual: Array = np.zeros(3)
+        self._usual_torque: Array = np.zeros(7)
         self._look = 0
         self.yielding = False  # True while the arm yields
         # Number of cycles after which the last run ends because the force changed; None without
@@ -117,9 +118,10 @@ class Guard:
         self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
-        # The usual force is a low-pass filter of the force at the end of each run.
+        # Usual force and torques are low-pass filters of those at the end of each run.
         kept = math.exp(-self._look * TIMESTEP / USUAL_TIME)
         self._usual = self._force + kept * (self._usual - self._force)
+        self._usual_torque = self._torque + kept * (self._usual_torque - self._torque)
         self._tick, self.felt = tick, None
         self._thresholds = thresholds or Reflex(math.inf, math.inf)
         self._look, self._reaction = 0, reaction
@@ -173,8 +175,9 @@ class Guard:
         """List the cycles, of `torques` (n, 7), in which a threshold may be exceeded."""
         # Only wrenches larger than the smallest threshold need the full test.
         large = squares(wrenches) > self._thresholds.least**2
-        if self._thresholds.links is not None:
-            large |= squares(torques @ self._to_rest) > self._thresholds.links.torque**2
+        if (links := self._thresholds.links) is not None:
+            large |= squares(torques @ self._to_rest) > links.torque**2
+            large |= squares(torques - self._usual_torque) > links.change**2
         return large.nonzero()[0].tolist() if large.any() else []
 
     def _reason(self, torque: Array) -> str | None:
@@ -182,7 +185,8 @@ class Guard:
         reason, links = self._thresholds.fired(torque @ self._to_wrench), self._thresholds.links
         if reason is not None or links is None:
             return reason
-        return links.stop_reason(*explain_torque(self._jacobian, torque))
+        jump = torque - self._usual_torque
+        return links.stop_reason(*explain_torque(self._jacobian, torque), math.sqrt(jump @ jump))
 
 
 def squares(rows: Array) -> Array:
