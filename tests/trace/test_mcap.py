@@ -24,7 +24,7 @@ from mcap_ros2.decoder import DecoderFactory
 from palpate.common.errors import InputError
 from palpate.robots.owner import load_description
 from palpate.trace.mcap import PROFILE, TraceStream, read_mcap, stored_messages, write_mcap
-from palpate.trace.recording import NominalHand
+from palpate.trace.recording import NominalHand, WrenchSensor
 from palpate.trace.samples import Samples, Trace
 
 
@@ -41,6 +41,31 @@ def test_round_trip_is_exact(trace: Trace, tmp_path: Path) -> None:
     path = tmp_path / "trace.mcap"
     write_mcap(path, trace)
     assert_same(read_mcap(path), trace)
+
+
+def test_a_wrench_sensor_round_trips(trace: Trace, tmp_path: Path) -> None:
+    """In a finished file, as a standard message, and in the stream of an unfinished run."""
+    sensor = WrenchSensor("Bota SensONE", (0.0, 0.0, -0.1, 0.0, 1.0, 0.0, 0.0), 0.01)
+    hand = replace(trace.hand, wrench_sensor=sensor)
+    sensed = replace(trace.samples, wrench_sensor=2.0 * trace.samples.wrench)
+    made = replace(trace, samples=sensed, hand=hand)
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, made)
+    assert_same(read_mcap(path), made)
+    with path.open("rb") as file:
+        reader = make_reader(file, decoder_factories=[DecoderFactory()])
+        seen = {c.topic: m for _, c, _, m in reader.iter_decoded_messages()}
+    assert seen["/wrench_sensor"].header.frame_id == "wrench_sensor"
+    assert seen["/wrench_sensor"].wrench.torque.z == sensed.wrench_sensor[-1, 5]
+    frame = seen["/tf"].transforms[2]
+    assert (frame.header.frame_id, frame.child_frame_id) == ("tcp", "wrench_sensor")
+    assert (frame.transform.translation.z, frame.transform.rotation.x) == (-0.1, 1.0)
+    stream = TraceStream(tmp_path / "stream.mcap", hand, made.gravity)
+    stream.write(sensed, SimpleNamespace(leaves=[], recordings=[], conversions=[]))
+    stream.close()
+    np.testing.assert_array_equal(
+        read_mcap(tmp_path / "stream.mcap").samples.wrench_sensor, sensed.wrench_sensor
+    )
 
 
 def test_an_empty_trace_round_trips(trace: Trace, tmp_path: Path) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import gc
-from dataclasses import fields
+from dataclasses import fields, replace
 
 import numpy as np
 import pytest
@@ -58,7 +58,17 @@ def trace() -> Trace:
 def test_every_signal_has_its_shape() -> None:
     empty = Samples.empty()
     assert len(empty) == 0
-    assert {f.name: getattr(empty, f.name).shape[1:] for f in fields(Samples)} == WIDTHS
+    shapes = {f.name: getattr(empty, f.name).shape[1:] for f in fields(Samples)}
+    assert shapes == WIDTHS | {"wrench_sensor": (0,)}
+
+
+def test_a_wrench_sensor_has_columns_of_its_own() -> None:
+    t = np.arange(3.0)
+    sensed = replace(samples(t), wrench_sensor=np.outer(t, np.arange(6.0)))
+    assert sensed.where(t > 1.0).wrench_sensor.tolist() == [[0, 2, 4, 6, 8, 10]]
+    made = replace(trace(), samples=sensed)
+    assert made.columns()["sensor_ty"].tolist() == [0, 4, 8]
+    assert "sensor_ty" not in trace().columns()
 
 
 def test_joining_keeps_the_order_and_skips_what_is_empty() -> None:

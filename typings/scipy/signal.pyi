@@ -9,3 +9,12 @@ def butter(N: int, Wn: float, *, fs: float, output: Literal["sos"]) -> NDArray[n
 def sosfiltfilt(
     sos: NDArray[np.float64], x: NDArray[np.float64], axis: int = ...
 ) -> NDArray[np.float64]: ...
+def savgol_filter(
+    x: NDArray[np.float64],
+    window_length: int,
+    polyorder: int,
+    *,
+    deriv: int = ...,
+    delta: float = ...,
+    axis: int = ...,
+) -> NDArray[np.float64]: ...

@@ -22,7 +22,8 @@ def estimate(
         Path | None,
         typer.Argument(
             metavar="RUN|LOG",
-            help="A run folder, or anybody's recording of an arm: CSV, NPZ, MCAP, rosbag2, Parquet.",
+            help="A run folder, or anybody's recording of an arm, or of a force/torque sensor with "
+            "its pose: CSV, NPZ, MCAP, rosbag2, Parquet.",
             show_default=False,
         ),
     ] = None,

@@ -54,6 +54,13 @@ from palpate.estimation.motion import Mask
 from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
 from palpate.estimation.regression import Cause, Posterior, PriorScale
 from palpate.estimation.rigid_bodies import PARAMETERS, linear, load_torques, of_box, pseudo_inertia
+from palpate.estimation.sensed_load import (
+    SensedLoad,
+    fit_sensed_load,
+    is_sensed,
+    observable,
+    sensed_tests,
+)
 from palpate.estimation.wrench_observation import (
     CROSSTALK_SHARE,
     TORQUE_LEVER,
@@ -101,6 +108,14 @@ class CarriedLoad:
     equal: EqualMotions  # groups of stretches with the same motion
     posterior: Posterior  # of the fit
     explained: FitTest  # test that the described arm explains the recording
+
+    causes = "friction, zeros and gains of the joints and errors of the arm's model"
+    """Causes that are fitted together with the load, for texts."""
+
+    def times(self, hanging: bool) -> Array:
+        """Times, s, of the rows with or without the load."""
+        pairs = zip(self.motions, self.hanging, strict=True)
+        return np.concatenate([motion.t for motion, hung in pairs if hung == hanging])
 
     @property
     def compared(self) -> bool:
@@ -289,14 +304,16 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     found = _fit_load(trace)
     if found is None:
         return _nothing(parameter, "kg", trace)
+    if isinstance(found, SensedLoad) and (reason := observable(found)):
+        return not_identified(parameter, "kg", reason, _recordings(trace))
     # The cause whose mass is requested: the hand itself or the load.
     name = HAND if parameter.object == HAND else LOAD
     mean, covariance = found.posterior[name]
     mass, std = float(mean[0]), float(np.sqrt(covariance[0, 0]))
     what = "hand with what is mounted on it" if name == HAND else "load"
     method = (
-        f"Weight of the {what} and its resistance to acceleration in {_seconds(found)}, fitted together with friction, "
-        "zeros and gains of the joints and errors of the arm's model; the noise is what the recording itself leaves."
+        f"Weight of the {what} and its resistance to acceleration in {_seconds(found)}, fitted together with "
+        f"{found.causes}; the noise is what the recording itself leaves."
     )
     return Estimate.normal(
         parameter,
@@ -429,10 +446,11 @@ def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
     return np.asarray(solved.x, float), float(2.0 * solved.cost)
 
 
-def _fit_load(trace: Trace) -> CarriedLoad | None:
+def _fit_load(trace: Trace) -> CarriedLoad | SensedLoad | None:
     """Fit the first load that the recordings name; None without one."""
     names = [one.context.holding for one in trace.recordings if one.context.holding]
-    return fit_carried_load(trace, names[0]) if names else None
+    fit_one = fit_sensed_load if is_sensed(trace) else fit_carried_load
+    return fit_one(trace, names[0]) if names else None
 
 
 def _recordings(trace: Trace) -> tuple[Recording, ...]:
@@ -450,12 +468,17 @@ def _in_hand(trace: Trace) -> Pose:
 def _axes(trace: Trace) -> str:
     """Name the axes of the result."""
     stated = _recordings(trace)[0].context.grasp
-    return "the object's frame" if stated else "the axes of the tool, from the TCP"
+    if stated:
+        return "the object's frame"
+    sensed = "the axes of the sensor, from its origin"
+    return sensed if is_sensed(trace) else "the axes of the tool, from the TCP"
 
 
-def _is_felt(trace: Trace, found: CarriedLoad) -> bool:
+def _is_felt(trace: Trace, found: CarriedLoad | SensedLoad) -> bool:
     """Return true if the mass differs from zero and its tests pass, so that quotients by it are
     defined."""
+    if isinstance(found, SensedLoad) and observable(found):
+        return False
     mass, std = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))
     return mass > Z95 * std and all(test.passed for test in _sound(trace, found, LOAD))
 
@@ -463,6 +486,8 @@ def _is_felt(trace: Trace, found: CarriedLoad) -> bool:
 def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
     """Report a load that is contradicted or was not detected."""
     found = _fit_load(trace)
+    if isinstance(found, SensedLoad) and (reason := observable(found)):
+        return not_identified(parameter, unit, reason)
     if found is not None and not all(test.passed for test in _sound(trace, found, LOAD)):
         return not_identified(parameter, unit, "The mass is contradicted: see there.")
     return not_identified(
@@ -470,8 +495,10 @@ def _nothing(parameter: Parameter, unit: str, trace: Trace) -> Estimate:
     )
 
 
-def _sound(trace: Trace, found: CarriedLoad, name: str) -> tuple[FitTest, ...]:
+def _sound(trace: Trace, found: CarriedLoad | SensedLoad, name: str) -> tuple[FitTest, ...]:
     """Test that the described arm explains the recording, and then that the arm can carry the mass."""
+    if isinstance(found, SensedLoad):
+        return sensed_tests(found, name)
     # The mass is tested only if the described arm explains the recording.
     if not found.explained.passed:
         return (found.explained,)
@@ -503,14 +530,16 @@ def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
     return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
 
 
-def _shared_errors(found: CarriedLoad, slopes: Array, name: str = LOAD) -> tuple[Shared, ...]:
+def _shared_errors(
+    found: CarriedLoad | SensedLoad, slopes: Array, name: str = LOAD
+) -> tuple[Shared, ...]:
     """List the errors that other runs of the same arm share, mapped to the estimate by `slopes` (k,
     10)."""
     each = found.posterior.shared(name)
     return tuple(replace(one, effect=tuple(slopes @ np.array(one.effect))) for one in each)
 
 
-def _seconds(found: CarriedLoad) -> str:
+def _seconds(found: CarriedLoad | SensedLoad) -> str:
     """Phrase for the durations with the load and with the empty hand."""
     hung, empty = found.seconds(True), found.seconds(False)
     return f"{hung:.1f} s of motion, against {empty:.1f} s of the empty hand"
@@ -528,14 +557,12 @@ def _halves(trace: Trace) -> list[tuple[float, float]]:
     return found
 
 
-def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
+def _same_in_all_parts(trace: Trace, found: CarriedLoad | SensedLoad) -> tuple[FitTest, ...]:
     """Test that the mass is the same in all parts of the recording."""
     parts = [found.part(start, end) for start, end in _halves(trace)][1:]
     # Split the time of the empty hand as well: it must be as empty in each part as in the first.
     if found.seconds(False) > 2.0 * CARRIED_HALF:
-        pairs = zip(found.motions, found.hanging, strict=True)
-        empty = np.concatenate([motion.t for motion, hung in pairs if not hung])
-        edges = np.quantile(empty, np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
+        edges = np.quantile(found.times(False), np.linspace(0.0, 1.0, EMPTY_PARTS + 1)).tolist()
         parts += [found.part(*edge, hanging=False) for edge in pairwise(edges)][1:]
     if not parts:
         return ()
@@ -549,7 +576,7 @@ def _same_in_all_parts(trace: Trace, found: CarriedLoad) -> tuple[FitTest, ...]:
     return (found.posterior.test(cause, np.full(len(parts), tolerated), finding),)
 
 
-def _mass_view(trace: Trace, found: CarriedLoad) -> FitView:
+def _mass_view(trace: Trace, found: CarriedLoad | SensedLoad) -> FitView:
     """Chart the mass by parts of the windows."""
     # Split the windows into parts of at least 0.5 s, and fit an extra mass to each part alone.
     edges: list[tuple[float, float]] = []

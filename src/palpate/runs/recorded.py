@@ -5,6 +5,7 @@ moves.
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,12 +15,14 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
 from palpate.estimation.carried import HAND
-from palpate.estimation.logs.reading import read_log
-from palpate.estimation.logs.trace import Carrying, trace_of
+from palpate.estimation.logs.reading import read_recording
+from palpate.estimation.logs.trace import Carrying, trace_of, trace_of_wrench
+from palpate.estimation.logs.wrench_log import WrenchLog
 from palpate.estimation.quantities.estimators import estimate_all
 from palpate.estimation.recording_check import require_within_limits
 from palpate.planning.plan import Plan
 from palpate.planning.symbolic.planner import split_known, stated_clause
+from palpate.robots.description import RobotDescription
 from palpate.robots.owner import own_arm
 from palpate.runs.building import build_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
@@ -27,6 +30,9 @@ from palpate.runs.read import NOTHING
 from palpate.runs.run import RECORDING, Ending, Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
+from palpate.scene.scene import Scene
+from palpate.trace.recording import ArmLog
+from palpate.trace.samples import Trace
 
 FARTHEST = 2.0  # m: largest distance from the hand to the frame of the object in it
 LOAD = "load"  # Name of a load that is not an object of a scene
@@ -64,9 +70,10 @@ def estimate_recording(
             )
     # Read the recordings, and require that they are possible for the arm.
     callbacks.progress("reading the recording")
-    logs = [read_log(one, columns) for one in (file, empty) if one]
+    logs = [read_recording(one, columns, arm) for one in (file, empty) if one]
     for log in logs:
-        require_within_limits(log, arm)
+        if isinstance(log, ArmLog):
+            require_within_limits(log, arm)
     # Centre of mass and inertia need the object's pose in the hand, or no scene.
     quantities = ["mass"]
     notes = [f"{log.source}: {note}." for log in logs for note in log.notes]
@@ -81,15 +88,7 @@ def estimate_recording(
     twin = "gets the measured value" if settings.remeasure else "keeps it, without --remeasure"
     stated, _ = split_known(parameters, scene, remeasure=False)
     notes += [f"{stated_clause(one, scene)}; the twin {twin}." for one in stated]
-    trace = trace_of(
-        logs[0],
-        carrying,
-        parameters,
-        arm,
-        scene.pose_world_base,
-        scene.gravity,
-        logs[1] if empty else None,
-    )
+    trace = _trace(logs, carrying, parameters, arm, scene)
     callbacks.progress("estimating")
     bodies = scene.bodies
     # Request only the masses: the other quantities are by-products, if the motion excites them.
@@ -111,6 +110,39 @@ def estimate_recording(
     if settings.scene is not None:
         made = build_twin(made, callbacks)
     return replace(made, total_seconds=time.perf_counter() - began)
+
+
+def _trace(
+    logs: Sequence[ArmLog | WrenchLog],
+    carrying: Carrying,
+    parameters: Sequence[Parameter],
+    arm: RobotDescription,
+    scene: Scene,
+) -> Trace:
+    """Convert a recording, and that of the empty hand if there is one, to a trace.
+
+    Raises:
+        InputError: One has joint torques and the other a wrench, a window is not in the recording, or the hand of a
+            sensor cannot be weighed.
+    """
+    base, gravity = scene.pose_world_base, scene.gravity
+    arms = [log for log in logs if isinstance(log, ArmLog)]
+    sensors = [log for log in logs if isinstance(log, WrenchLog)]
+    if arms and sensors:
+        raise InputError(
+            f"{arms[0].source} has joint torques and {sensors[0].source} a wrench: give two recordings of one kind, or "
+            "state the wrench of both with 'wrench: NAME' in columns=MAP.yaml"
+        )
+    if arms:
+        empty_arm = arms[1] if len(arms) > 1 else None
+        return trace_of(arms[0], carrying, parameters, arm, base, gravity, empty_arm)
+    empty = sensors[1] if len(sensors) > 1 else None
+    if carrying.hand is not None and not (carrying.windows or empty):
+        raise InputError(
+            "hand=: a sensor sees all that is mounted below it as one load; give the windows of the load (loaded=…) or "
+            "a recording without it (empty=LOG)"
+        )
+    return trace_of_wrench(sensors[0], carrying, parameters, base, gravity, empty)
 
 
 def _explain_reading(of: str, carrying: Carrying, empty: Path | None) -> str:

@@ -57,7 +57,7 @@ def estimate(
 
     Args:
         log: CSV, NPZ, MCAP, rosbag2, a ROS bag or Parquet, with joint positions and sensed joint
-            torques.
+            torques, or with the wrench and the pose of a six-axis sensor.
         loaded: one window `(start, stop)`, or several, in s since its first row, in which the load
             hung free on the hand; none: all of it. At other times the hand is empty, and touches
             nothing.

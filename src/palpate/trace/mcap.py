@@ -138,7 +138,7 @@ def read(file: IO[bytes]) -> Trace:
             elif isinstance(found, Message) and topics[found.channel_id] == EVENTS:
                 parts.append(record_json().validate_json(found.data))
             elif isinstance(found, Message) and topics[found.channel_id] == BLOCKS:
-                blocks.append(samples_in_block(found.data))
+                blocks.append(samples_in_block(found.data, parts[0].hand))
             elif isinstance(found, Message):
                 by_topic[topics[found.channel_id]].append(found.data)
     # At the end of a truncated stream, the reader raises any exception from EndOfFile to struct.error.
@@ -246,11 +246,13 @@ class TraceStream:
         self._writer.add_message(channel, time, data, publish_time=time)
 
 
-def samples_in_block(data: bytes) -> Samples:
+def samples_in_block(data: bytes, hand: NominalHand) -> Samples:
     """Decode the samples in a block, (n, m) numbers in the order of the fields of `Samples`."""
-    # Split the columns of the block into signals.
+    # Split the columns of the block into signals; without a sensor its signal has no columns.
     names = [signal.name for signal in fields(Samples)]
-    ends = np.cumsum([len(COLUMNS.get(name, "1")) for name in names])
+    widths = {name: len(COLUMNS.get(name, "1")) for name in names}
+    widths["wrench_sensor"] *= hand.wrench_sensor is not None
+    ends = np.cumsum([*widths.values()])
     parts = np.split(np.frombuffer(data).reshape(-1, ends[-1]), ends[:-1], axis=1)
     signals = zip(names, parts, strict=True)
     return Samples(**{name: (p if name in COLUMNS else p[:, 0]).copy() for name, p in signals})

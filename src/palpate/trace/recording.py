@@ -127,6 +127,21 @@ class Chain:
 
 
 @dataclass(frozen=True, slots=True)
+class WrenchSensor:
+    """Six-axis force/torque sensor, as its owner knows it.
+
+    It measures the wrench that the arm exerts on everything mounted below it, about the sensor's origin and in its
+    axes. A load at rest below a sensor with a vertical z axis reads +m g along z.
+    """
+
+    label: str  # product, or the columns of a recording
+    # Pose of the sensor in the frame of the TCP: position (m) and quaternion wxyz.
+    pose_tcp_sensor: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
+    gain: float = 0.01  # relative error of all axes together, standard deviation
+    crosstalk: float = 0.005  # response to another axis, N per N or N per N m over 0.3 m, 1 sigma
+
+
+@dataclass(frozen=True, slots=True)
 class NominalHand:
     """Nominal arm for estimators, plots and files: geometry, datasheet accuracy, names."""
 
@@ -150,6 +165,7 @@ class NominalHand:
     # Gear ripples per turn of each joint; None if unknown.
     ripple_cycles: tuple[float, ...] | None = None
     payload: float = 3.0  # kg that the arm may carry; an older trace without it is from an FR3
+    wrench_sensor: WrenchSensor | None = None  # sensor between flange and hand, if any
 
 
 # Recording of an arm in motion, from any logging program.

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Hashable, Iterable, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Concatenate, NamedTuple, ParamSpec, Protocol, TypeVar
 from weakref import WeakKeyDictionary
@@ -32,6 +32,7 @@ PARTS = {
     "dq": ("dq", JOINTS),
     "tau_ext": ("tau_ext", JOINTS),
     "wrench": ("wrench_", "fx fy fz tx ty tz"),
+    "wrench_sensor": ("sensor_", "fx fy fz tx ty tz"),
     "pose_world_tcp": ("tcp_", POSE_PARTS),
     "twist": ("twist_", "vx vy vz wx wy wz"),
     "target_world_tcp": ("target_", POSE_PARTS),
@@ -59,6 +60,13 @@ class Samples:
     twist: Array  # (n, 6) linear (m/s) and angular (rad/s) velocity of the TCP, world axes
     target_world_tcp: Array  # (n, 7) the commanded equilibrium pose
     width: Array  # (n,) opening between the fingers, m
+    # (n, 6) wrench of the six-axis sensor: N and N m that it exerts on everything below it, in its own axes about its
+    # origin (`WrenchSensor`). (n, 0) for an arm without one.
+    wrench_sensor: Array = field(default_factory=lambda: np.empty((0, 0)))
+
+    def __post_init__(self) -> None:
+        if not self.wrench_sensor.size:
+            object.__setattr__(self, "wrench_sensor", np.empty((len(self.t), 0)))
 
     @classmethod
     def empty(cls) -> Samples:
@@ -119,7 +127,8 @@ class Trace:
         for signal in fields(self.samples):
             values: Array = getattr(self.samples, signal.name)
             names = COLUMNS.get(signal.name, (signal.name,))
-            found |= zip(names, values.T if values.ndim > 1 else [values], strict=True)
+            # An arm without a sensor, or a recording without joints, has no columns of them.
+            found |= zip(names, values.T if values.ndim > 1 else [values], strict=False)
         return found
 
     def to_dataframe(self) -> DataFrame:

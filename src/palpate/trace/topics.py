@@ -163,7 +163,7 @@ class Layout:
 # Topics of `trace.mcap`: conversion between samples, events and ROS 2 messages.
 
 
-WORLD, TCP, TCP_WORLD_AXES = "world", "tcp", "tcp_world_axes"
+WORLD, TCP, TCP_WORLD_AXES, SENSOR = "world", "tcp", "tcp_world_axes", "wrench_sensor"
 # Levels of `rcl_interfaces/Log`: INFO, WARN and ERROR, by a leaf's status.
 LEVELS = {"SUCCESS": 20, "INVALID": 30, "FAILURE": 40}
 
@@ -191,14 +191,16 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
     pose = header(WORLD).doubles("position", 3).doubles("orientation", 4)
     target = header(WORLD).doubles("target_position", 3).doubles("target_orientation", 4)
     # JointState holds arrays of positions, velocities and efforts; those without a sensor are empty.
-    arm = header(WORLD).texts(hand.joints).array("q", 7).array("dq", 7).empty_array()
+    count = len(hand.joints)
+    arm = header(WORLD).texts(hand.joints).array("q", count).array("dq", count).empty_array()
     gripper = header(WORLD).texts(hand.fingers).array("fingers", 2).empty_array().empty_array()
-    efforts = header(WORLD).texts(hand.joints).empty_array().empty_array().array("tau_ext", 7)
+    efforts = header(WORLD).texts(hand.joints).empty_array().empty_array()
+    efforts = efforts.array("tau_ext", count)
     # `tcp_world_axes` moves with the TCP but never turns: the frame of wrench and twist.
-    transforms = Layout().uint32(2)
+    transforms = Layout().uint32(2 if hand.wrench_sensor is None else 3)
     for frame, orientation in ((TCP, "orientation"), (TCP_WORLD_AXES, "unturned")):
         transforms.time("stamp").text(WORLD, frame).doubles("position", 3).doubles(orientation, 4)
-    return {
+    found = {
         "/robot_time": ("std_msgs/Float64", Layout().doubles("t", 1)),
         "/joint_states": (joint_states, arm),
         "/gripper/joint_states": (joint_states, gripper),
@@ -209,6 +211,13 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
         "/tcp_twist": ("geometry_msgs/TwistStamped", header(TCP_WORLD_AXES).doubles("twist", 6)),
         "/tf": ("tf2_msgs/TFMessage", transforms),
     }
+    # The sensor's frame does not move against the TCP.
+    if hand.wrench_sensor is not None:
+        transforms.time("stamp").text(TCP, SENSOR)
+        transforms.doubles("sensor_position", 3).doubles("sensor_orientation", 4)
+        sensed = header(SENSOR).doubles("wrench_sensor", 6)
+        found["/wrench_sensor"] = ("geometry_msgs/WrenchStamped", sensed)
+    return found
 
 
 def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
@@ -218,6 +227,9 @@ def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
     # One message per sample and topic, then the events.
     everything = [*shown]
     signals, times = signals_of(trace.samples), nanoseconds(trace.samples.t).tolist()
+    if trace.hand.wrench_sensor is not None:
+        place = np.array([trace.hand.wrench_sensor.pose_tcp_sensor])
+        signals |= {"sensor_position": place[:, :3], "sensor_orientation": xyzw(place)}
     for name, (datatype, layout) in topics(trace.hand).items():
         for time, data in zip(times, layout.encode(signals, len(times)), strict=True):
             everything.append(Message(time, name, datatype, data))
@@ -245,6 +257,7 @@ def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Sa
         twist=signals["twist"],
         target_world_tcp=_pose(signals["target_position"], signals["target_orientation"]),
         width=signals["fingers"].sum(axis=1),
+        wrench_sensor=signals.get("wrench_sensor", np.empty((0, 0))),
     )
     # Every topic must have one message per sample.
     for field in fields(Samples):
@@ -262,6 +275,7 @@ def signals_of(s: Samples) -> dict[str, NDArray[Any]]:
         "dq": s.dq,
         "tau_ext": s.tau_ext,
         "wrench": s.wrench,
+        "wrench_sensor": s.wrench_sensor,
         "position": s.pose_world_tcp[:, :3],
         "orientation": xyzw(s.pose_world_tcp),
         "unturned": np.array([0.0, 0.0, 0.0, 1.0]),

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Literal, NamedTuple, TypeVar
 
 import numpy as np
-from pydantic import ValidationError
+from pydantic import Field, ValidationError
 
 from palpate.common.errors import InputError, perhaps
 from palpate.common.files import Section, describe_error, plain_yaml, read_text
@@ -87,6 +87,20 @@ class ColumnMap(Section):
     """`episode_index` of a LeRobot data set."""
     angles: Angle | None = None
     time: Unit | None = None
+    wrench: str | list[str] | None = None
+    """Wrench of a six-axis sensor: its topic, the common part of six names, or a list of six."""
+    pose: str | None = None
+    """Topic, or common part of the names, of the orientation or pose of that sensor."""
+    frame: Literal["sensor", "world"] = "sensor"
+    """Axes of the wrench: those of the sensor, or those in which its pose is logged."""
+    sign: Literal["on_sensor", "by_sensor"] = "on_sensor"
+    """The wrench acts on the sensor (a weight pulls it down), or the sensor exerts it on the load."""
+    sensor: list[float] | None = Field(default=None, min_length=7, max_length=7)
+    """Pose of the sensor in the frame whose pose is logged: m, and quaternion wxyz."""
+    quaternion: Literal["xyzw", "wxyz"] = "xyzw"
+    """Order of four numbered columns of an orientation."""
+    gain: float = Field(default=0.01, gt=0.0, lt=0.5)
+    """Relative error (1 sigma) of the sensor's sensitivity."""
 
     @property
     def numbers(self) -> Sequence[int]:
@@ -183,6 +197,11 @@ def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: st
     return arm._replace(notes=(*notes, *arm.notes))
 
 
+def any_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap) -> bool:
+    """Return true if a table has time, positions and torques of an arm."""
+    return any(True for i in range(len(tables)) for _ in _arms(i, *tables[i], columns))
+
+
 def _require_numbers(arm: Arm, table: Table, source: str) -> None:
     """Check that each column of an arm is unique and has numbers in most of its rows.
 
@@ -234,7 +253,7 @@ def _is_same(one: Arm, other: Arm) -> bool:
 
 def _missing(topic: str, table: Table, columns: ColumnMap, source: str) -> InputError:
     """Build the error that names the columns which are missing in a table, too few or too many."""
-    flat, on = _flat(table), f"{source}: {topic}" if topic else source
+    flat, on = flat_columns(table), f"{source}: {topic}" if topic else source
     stated = _read_column(flat, columns)
     # Columns of the map that do not exist, or have the wrong count.
     for signal, run in stated.items():
@@ -270,7 +289,7 @@ def _is_arm(signal: str, run: Sequence[LogColumn]) -> bool:
 
 def _arms(place: int, topic: str, table: Table, columns: ColumnMap) -> Iterator[Arm]:
     """Yield the arms of a table that have time, positions and torques, including columns of the map."""
-    flat, context = _flat(table), [] if columns.topic else words_of(topic)
+    flat, context = flat_columns(table), [] if columns.topic else words_of(topic)
     stated, found = _read_column(flat, columns), _families(flat)
     if not all(_is_arm(*one) for one in stated.items()) or NOT_MEASURED & {*context}:
         return
@@ -335,7 +354,7 @@ def _clocks(found: Arms, arm: str) -> list[LogColumn]:
     return [found[name][key][None] for *_, key, name in ranked if None in found[name][key]]
 
 
-def _flat(table: Table) -> Table:
+def flat_columns(table: Table) -> Table:
     """Scalar columns: `q[0]` of a wide one; the two parts of a stamp (`sec`, `nanosec`) are joined."""
     flat: dict[str, Array] = {}
     # Split a vector column, join the two parts of a stamp, and keep scalars.
@@ -403,22 +422,46 @@ def _alias(words: list[str]) -> slice | None:
 def _read_column(flat: Table, columns: ColumnMap) -> dict[str, list[LogColumn]]:
     """Find the columns that the map states; missing ones are left out."""
     found: dict[str, list[LogColumn]] = {}
-    # A single name may be a column, a slice, or the common part of numbered names; a list has one name a joint.
     for signal in ALIASES:
         stated: str | list[str] | None = getattr(columns, signal)
-        if isinstance(stated, str):
-            sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
-            name = sliced[1] if sliced else stated
-            run = [LogColumn(None, name, flat[name])] if name in flat else _parts(flat, name)
-            # A slice counts columns in the order of the file.
-            if sliced:
-                run = run[int(sliced[2]) : int(sliced[3])]
-            elif signal != "t" and name not in flat:
-                run = _run({column.joint: column for column in run}, columns)
-            found[signal] = run
-        elif stated is not None:
-            found[signal] = [LogColumn(i, n, flat[n]) for i, n in enumerate(stated) if n in flat]
+        if stated is not None:
+            found[signal] = mapped_columns(flat, signal, stated, columns)
     return found
+
+
+def mapped_columns(
+    flat: Table, signal: str, stated: str | list[str], columns: ColumnMap | None = None
+) -> list[LogColumn]:
+    """Find the columns of one signal that the map states; missing ones are left out.
+
+    A single name may be a column, a slice, or the common part of numbered names. A list has a name for each number.
+    """
+    if not isinstance(stated, str):
+        return [LogColumn(i, n, flat[n]) for i, n in enumerate(stated) if n in flat]
+    sliced = re.fullmatch(r"(.+)\[(\d+):(\d+)\]", stated)
+    name = sliced[1] if sliced else stated
+    run = [LogColumn(None, name, flat[name])] if name in flat else _parts(flat, name)
+    # A slice counts columns in the order of the file.
+    if sliced:
+        return run[int(sliced[2]) : int(sliced[3])]
+    if signal != "t" and name not in flat:
+        return _run({column.joint: column for column in run}, columns or ColumnMap())
+    return run
+
+
+def find_joints(flat: Table, columns: ColumnMap) -> list[LogColumn]:
+    """Find the columns of the joint angles of one arm; empty without seven."""
+    stated = _read_column(flat, columns).get("q")
+    families = [f for arm in _families(flat).get("q", {}).values() for f in arm.values()]
+    runs = [stated] if stated else [_run(family, columns) for family in families]
+    seven = [run for run in runs if len(run) == JOINTS]
+    return seven[0] if seven else []
+
+
+def find_clock(flat: Table) -> str | None:
+    """Name of the best clock of a table; None without one."""
+    clocks = _clocks(_families(flat).get("t", {}), "")
+    return clocks[0].name if clocks else None
 
 
 def _parts(flat: Table, stem: str) -> list[LogColumn]:

@@ -29,6 +29,8 @@ MAX_DEPTH = 4
 """Largest nesting of fields in a message."""
 OF_JOINTS = re.compile(r"joint|state", re.IGNORECASE)
 """Topics and types of messages that may contain joint signals."""
+OF_SENSORS = re.compile(r"joint|state|wrench|force|ft|pose|transform", re.IGNORECASE)
+"""Topics and types of messages that may contain those, a wrench, or the pose of its sensor."""
 PACKED = b"\x28\xb5\x2f\xfd"
 """Magic number of zstd data."""
 Decoder = Callable[[bytes], Any]
@@ -73,8 +75,10 @@ class TopicMessages:
         return table
 
 
-def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], list[str]]:
-    """Read the joint signals of each topic, or of `columns.topic`.
+def read_bag(
+    path: Path, columns: ColumnMap, likely: re.Pattern[str] = OF_JOINTS
+) -> tuple[list[tuple[str, Table]], list[str]]:
+    """Read the signals of each topic that is `likely` to have them, or of `columns.topic`.
 
     Returns:
         A table for each layout of a topic's messages, the longest first, and notes on undecodable messages.
@@ -88,7 +92,7 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
     except ImportError:
         raise Unavailable(f"{path}: a bag needs rosbags: pip install 'palpate[logs]'") from None
     with ExitStack() as stack:
-        parts, topics, lost = _collect(_messages(path, stack), columns.topic)
+        parts, topics, lost = _collect(_messages(path, stack), columns.topic, likely)
     notes = [
         f"{count} messages on {topic} ({topics[topic]}) cannot be decoded and are left out: {reason}"
         for topic, (count, reason) in lost.items()
@@ -102,15 +106,15 @@ def read_bag(path: Path, columns: ColumnMap) -> tuple[list[tuple[str, Table]], l
     if not parts:
         every = list_names(f"{topic} ({datatype})" for topic, datatype in sorted(topics.items()))
         raise InputError(
-            f"{path}: no topic with joint states{': ' * bool(notes)}{'; '.join(notes)}. Topics: {every}; state "
-            "one in a file with 'topic: NAME', and give it as columns=MAP.yaml"
+            f"{path}: no topic with joint states or a wrench{': ' * bool(notes)}{'; '.join(notes)}. Topics: {every}; "
+            "state one in a file with 'topic: NAME', and give it as columns=MAP.yaml"
         )
     tables = [(topic, part.table()) for (topic, _), part in parts.items()]
     return sorted(tables, key=lambda one: -max(map(len, one[1].values()))), notes
 
 
 def _collect(
-    messages: Iterator[Raw], wanted: str | None
+    messages: Iterator[Raw], wanted: str | None, pattern: re.Pattern[str]
 ) -> tuple[dict[Any, TopicMessages], dict[str, str], dict[str, tuple[int, str]]]:
     """Decode the messages on the `wanted` topic, or all that may contain joint signals.
 
@@ -124,7 +128,7 @@ def _collect(
     decoders: dict[str, Decoder] = {}
     for count, raw in enumerate(messages):
         topics[raw.topic] = raw.datatype
-        likely = raw.encoding == "json" or OF_JOINTS.search(raw.topic + raw.datatype)
+        likely = raw.encoding == "json" or pattern.search(raw.topic + raw.datatype)
         if raw.topic != wanted if wanted else not likely:
             continue
         if count > MAX_MESSAGES:

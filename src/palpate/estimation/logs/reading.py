@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import csv
+import re
 import zipfile
+from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -15,12 +18,15 @@ from palpate.estimation.logs.columns import (
     UNITS,
     ColumnMap,
     Table,
+    any_arm,
     clean_signals,
     find_arm,
     read_map,
     unit_in,
 )
-from palpate.estimation.logs.formats import STORED, read_bag, read_parquet
+from palpate.estimation.logs.formats import OF_JOINTS, OF_SENSORS, STORED, read_bag, read_parquet
+from palpate.estimation.logs.wrench_log import WrenchLog, find_wrench, has_wrench
+from palpate.robots.description import RobotDescription
 from palpate.trace.recording import ArmLog
 
 MAX_BYTES = 1_000_000_000
@@ -51,15 +57,57 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
         InputError: The file is of another kind, too large, without time, positions or torques, or of several arms.
         Unavailable: The library for its format is not installed.
     """
-    # Choose the reader by the kind of the path.
     mapped = read_map(columns)
+    tables, notes = _read_tables(path, mapped)
+    return _arm_log(path, mapped, tables, notes)
+
+
+def read_recording(
+    path: Path, columns: Path | None = None, arm: RobotDescription | None = None
+) -> ArmLog | WrenchLog:
+    """Read a recording of an arm's joints, or else of a six-axis sensor with its pose.
+
+    Args:
+        path: as for `read_log`.
+        columns: YAML that maps columns to signals; with `wrench` that sensor is read, also beside joint torques.
+        arm: whose TCP is the sensor, where the log has joint angles and no pose of it.
+
+    Raises:
+        InputError: as `read_log`; or the sensor has no pose, or is saturated.
+        Unavailable: The library for its format is not installed.
+    """
+    mapped = read_map(columns)
+    tables, notes = _read_tables(path, mapped, OF_SENSORS)
+    # Joint torques come first where the map does not state a wrench.
+    is_arm = mapped.wrench is None and any_arm(tables, mapped)
+    wrench = None if is_arm else find_wrench(tables, mapped, str(path), arm)
+    if wrench is not None:
+        return replace(wrench, notes=(*notes, *wrench.notes), source=path.name)
+    if is_arm and has_wrench(tables):
+        notes.append("its wrench is not read: state it in a file with 'wrench: NAME' to use it")
+    return _arm_log(path, mapped, tables, notes)
+
+
+def _is_bag(path: Path) -> bool:
+    """Return true for a bag, or a folder of rosbag2."""
+    return path.is_dir() or path.name.lower().endswith((*STORED, ".bag"))
+
+
+def _read_tables(
+    path: Path, mapped: ColumnMap, likely: re.Pattern[str] = OF_JOINTS
+) -> tuple[list[tuple[str, Table]], list[str]]:
+    """Read the tables of a recording, each with its topic, and notes on messages that cannot be decoded.
+
+    `likely` are the topics and types of a bag that are read.
+    """
+    # Choose the reader by the kind of the path.
     reader, notes = READERS.get(path.suffix.lower()), list[str]()
     if path.is_dir() and not any(file for kind in STORED for file in path.glob(f"*{kind}")):
         raise InputError(
             f"{path}: neither a run folder nor one of rosbag2, which holds {', '.join(STORED)}"
         )
-    if path.is_dir() or path.name.lower().endswith((*STORED, ".bag")):
-        tables, notes = read_bag(path, mapped)
+    if _is_bag(path):
+        tables, notes = read_bag(path, mapped, likely)
     elif reader is not None:
         tables = [("", reader(path, mapped))]
     else:
@@ -67,9 +115,15 @@ def read_log(path: Path, columns: Path | None = None) -> ArmLog:
         raise InputError(
             f"{path}: unknown kind of recording '{path.suffix}'; valid: {kinds}, and a folder of rosbag2"
         )
-    # Find the arm's columns, and repair clock and units.
     for _, table in tables:
         _check_size(table, path)
+    return tables, notes
+
+
+def _arm_log(
+    path: Path, mapped: ColumnMap, tables: list[tuple[str, Table]], notes: Sequence[str]
+) -> ArmLog:
+    """Find the arm's columns, and repair clock and units."""
     arm = find_arm(tables, mapped, str(path))
     unit = unit_in(arm.columns["t"][0].name, UNITS)
     angles = unit_in(arm.columns["q"][0].name, ANGLES)

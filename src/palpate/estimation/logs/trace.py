@@ -10,11 +10,21 @@ import numpy as np
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
-from palpate.common.pose import Array, Pose
+from palpate.common.pose import Array, Pose, rotations
+from palpate.estimation.logs.wrench_log import WrenchLog, joined
 from palpate.estimation.rigid_bodies import parameters, regressor
 from palpate.robots.description import RobotDescription, carries
 from palpate.robots.nominal import NominalArm, wrenches
-from palpate.trace.recording import RECORDED, ArmLog, Context, Conversion, LeafRun, Recording
+from palpate.trace.recording import (
+    RECORDED,
+    ArmLog,
+    Context,
+    Conversion,
+    LeafRun,
+    NominalHand,
+    Recording,
+    WrenchSensor,
+)
 from palpate.trace.samples import FORCES, Samples, Trace
 
 PERIOD = 0.005
@@ -64,12 +74,76 @@ def trace_of(
     # Average the recording, and append that of the empty hand.
     parts = [average_bins(log)]
     end = float(parts[0].t[-1])
-    windows = [_inside(window, end, log.source) for window in carrying.windows or [(0.0, end)]]
     if empty is not None:
         later = average_bins(empty)
         parts.append(replace(later, t=later.t + end + APART))
     samples = Samples.concatenate(samples_of(part, arm, base, gravity, carrying) for part in parts)
+    # The unknown part of the hand's mass is removed from the chain, so that the load fit contains it.
+    chain, share = arm.nominal.chain, hand_share(arm, carrying.hand)
+    assert chain is not None
+    of_hand = hand_links(arm)
+    links = tuple(
+        replace(link, mass=share * link.mass, inertia=tuple(share * part for part in link.inertia))
+        if i in of_hand
+        else link
+        for i, link in enumerate(chain.links)
+    )
+    hand = replace(arm.nominal, chain=replace(chain, links=links))
+    return _carried(samples, end, log.source, carrying, parameters, hand, gravity)
+
+
+def trace_of_wrench(
+    log: WrenchLog,
+    carrying: Carrying,
+    parameters: Sequence[Parameter],
+    base: Pose,
+    gravity: float,
+    empty: WrenchLog | None = None,
+) -> Trace:
+    """Build the trace of a sensor's wrench and pose; its TCP is the origin of the sensor, and it has no joints.
+
+    `base` is the pose in the world of the frame in which the sensor's pose is logged.
+
+    Raises:
+        InputError: A window is not in the log.
+    """
+    end = float(log.t[-1])
+    every = log if empty is None else joined(log, empty, APART)
+    # Poses and wrench in the world.
+    pose = np.array([(base @ Pose.of(one[:3], one[3:])).vector for one in every.pose])
+    turned = rotations(pose[:, 3:])
+    parts = np.split(every.wrench, 2, axis=1)
+    wrench = np.hstack([(turned @ part[:, :, None])[:, :, 0] for part in parts])
+    none, still = np.empty((len(every), 0)), np.zeros((len(every), 6))
+    samples = Samples(
+        t=every.t,
+        q=none,
+        dq=none,
+        tau_ext=none,
+        wrench=wrench,
+        pose_world_tcp=pose,
+        twist=still,
+        target_world_tcp=pose,
+        width=np.zeros(len(every)),
+        wrench_sensor=every.wrench,
+    )
+    sensor = WrenchSensor(log.label, gain=log.gain)
+    hand = NominalHand(0.0, 0.0, 0.0, 0.0, joints=(), fingers=("", ""), wrench_sensor=sensor)
+    return _carried(samples, end, log.source, carrying, parameters, hand, gravity)
+
+
+def _carried(
+    samples: Samples,
+    end: float,
+    source: str,
+    carrying: Carrying,
+    parameters: Sequence[Parameter],
+    hand: NominalHand,
+    gravity: float,
+) -> Trace:
+    """Make the trace of samples in whose windows, until `end` s, a load is carried."""
     # Each window becomes a recording between a grasp and a release.
+    windows = [_inside(window, end, source) for window in carrying.windows or [(0.0, end)]]
     held = Context("moving", "load", carrying.name, carrying.in_hand)
     free = Context("moving", "load")
     leaves: list[LeafRun] = []
@@ -87,17 +161,6 @@ def trace_of(
         Conversion(RECORDED, parameter.object, parameter.quantity, last, last.end)
         for parameter in parameters
     ]
-    # The unknown part of the hand's mass is removed from the chain, so that the load fit contains it.
-    chain, share = arm.nominal.chain, hand_share(arm, carrying.hand)
-    assert chain is not None
-    of_hand = hand_links(arm)
-    links = tuple(
-        replace(link, mass=share * link.mass, inertia=tuple(share * part for part in link.inertia))
-        if i in of_hand
-        else link
-        for i, link in enumerate(chain.links)
-    )
-    hand = replace(arm.nominal, chain=replace(chain, links=links))
     return Trace(samples, tuple(leaves), tuple(recordings), tuple(conversions), hand, gravity)
 
 
