@@ -53,6 +53,10 @@ ITERATIONS = 2
 """Solutions before the last: causes in proportion to the load need its value. Not sensitive."""
 RESTART = 5.0
 """s: gap between rows after which the sensor may have a new zero. Not sensitive."""
+PAUSES = 20.0
+"""Times the usual time between rows: the same for a recording of single poses. Not sensitive."""
+AT_REST = 0.2
+"""s between rows, from which they are single poses at rest. Not sensitive."""
 RATE_HALF = 0.06
 """s: half width of the local quadratics that differentiate the poses. Sensitive: inertia std ×1.0–1.2."""
 MISFIT = 0.15
@@ -165,7 +169,7 @@ def fit_sensed_load(trace: Trace, name: str) -> SensedLoad | None:
     fixed = [_cause(one, columns, scale, SENSED_PRIOR) for one, columns in bodies.items()]
     fixed += [_scaled(one, scale) for one in zeros]
     # Solve, linearised at the last solution; then learn the residual, and solve again with it.
-    noise, about = _white_noise(seen, scale), rough[: plain.shape[1]]
+    noise, about = _white_noise(seen, scale, misfit.var(axis=1)), rough[: plain.shape[1]]
     for _ in range(ITERATIONS):
         causes = [*fixed, *_sensor_causes(seen, bodies, about, sensor, scale)]
         about = fit(causes, noise, y, first=plain.shape[1]).mean[: plain.shape[1]]
@@ -242,11 +246,11 @@ def _sensor_causes(
     yield Cause("delay", _by_axis(late[:, :, None], scale), np.array([DELAY]))
 
 
-def _white_noise(seen: SensedBlocks, scale: Array) -> SignalNoise:
-    """White noise of the block means."""
+def _white_noise(seen: SensedBlocks, scale: Array, misfit: Array) -> SignalNoise:
+    """White noise of the block means; single poses show it by the `misfit` (6,) of a first fit alone."""
+    white = np.where(seen.white > 0.0, seen.white, misfit)
     roots = [
-        np.diag(np.sqrt(variance / seen.rows) + 1e-6)
-        for variance in (seen.white * scale**2).tolist()
+        np.diag(np.sqrt(variance / seen.rows) + 1e-6) for variance in (white * scale**2).tolist()
     ]
     return SignalNoise(roots, float(seen.rows.sum()))
 
@@ -254,8 +258,9 @@ def _white_noise(seen: SensedBlocks, scale: Array) -> SignalNoise:
 def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> SensedBlocks:
     """Average the rows of each block of time in which the hand is loaded or empty throughout."""
     t, used = samples.t, loaded | empty
-    gaps = np.diff(t, prepend=t[0]) > RESTART
-    length = max(BLOCK, float(used.sum()) * float(np.median(np.diff(t))) / MOST_BLOCKS)
+    step = float(np.median(np.diff(t)))
+    gaps = np.diff(t, prepend=t[0]) > max(RESTART, PAUSES * step)
+    length = max(BLOCK, float(used.sum()) * step / MOST_BLOCKS)
     # A block ends with its time, at a gap, and where the load changes.
     place = np.floor((t - t[0]) / length).astype(int)
     edges = np.flatnonzero(np.diff(place) | gaps[1:] | np.diff(loaded) | np.diff(used)) + 1
@@ -278,9 +283,9 @@ def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> Sens
             still = np.zeros((len(rows), 3))
             tilted = np.einsum("nji,j->ni", turned[rows], aside)
             found.append(wrench_columns(tilted, still, still).mean(axis=0))
-    # White noise of a row from second differences within blocks.
-    seconds = [np.diff(samples.wrench_sensor[rows], n=2, axis=0) for rows in groups]
-    white = (np.concatenate(seconds) ** 2).mean(axis=0) / 6.0
+    # White noise of a row from second differences within blocks; single poses do not show it.
+    seconds = np.concatenate([np.diff(samples.wrench_sensor[rows], n=2, axis=0) for rows in groups])
+    white = (seconds**2).sum(axis=0) / max(6.0 * len(seconds), 1.0)
     path = np.repeat(travelled[:, None], 6, axis=1)
     return SensedBlocks(
         np.array([t[rows].mean() for rows in groups]),
@@ -310,7 +315,8 @@ def _kinematics(samples: Samples, gravity: float, gaps: Mask) -> tuple[Array, Ar
     turned = rotations(samples.pose_world_tcp[:, 3:])
     for rows in np.split(np.arange(n), np.flatnonzero(gaps)):
         t, pose = samples.t[rows], samples.pose_world_tcp[rows]
-        if len(rows) < 5:
+        # Rows far apart are poses at rest.
+        if len(rows) < 5 or float(np.median(np.diff(t))) > AT_REST:
             continue
         moved[rows] = _rates(_rates(pose[:, :3], t), t)
         # Angular velocity of a unit quaternion: twice the vector part of q* q'.

@@ -200,6 +200,22 @@ def test_one_pose_does_not_separate_weight_and_zero(tmp_path: Path) -> None:
     assert "gravity turns by 0° only. Hold the load in three" in run["load.mass"].method
 
 
+def test_single_poses_at_rest_with_an_axis_that_drifts(tmp_path: Path) -> None:
+    """A row a pose, four seconds apart. An axis with drift counts less than the others."""
+    random = np.random.default_rng(2)
+    turn = Rotation.from_rotvec(random.normal(size=(60, 3)) * 0.5)
+    force = np.einsum("kji,j->ki", turn.as_matrix(), [0.0, 0.0, 9.81 * MASS])
+    wrench = np.hstack([force, np.cross(COM, force)])
+    wrench += random.normal(size=wrench.shape) * np.repeat([0.02, 0.001], 3)
+    wrench[:, 2] += np.linspace(0.0, 1.5, 60)
+    run = estimate(tmp_path, {"t": 4.0 * np.arange(60), "ft": -wrench - ZERO, **quaternions(turn)})
+    assert inside(run["load.mass"], MASS)
+    assert run["load.mass"].identified
+    assert run["load.mass"].stds[0] < 0.008
+    assert inside(run["load.com"], COM)
+    assert run["load.inertia"].verdict == "prior-dominated"
+
+
 def test_without_positions_mass_and_centre_are_found(tmp_path: Path) -> None:
     log = {name: values for name, values in record().items() if "position" not in name}
     run = estimate(tmp_path, log)

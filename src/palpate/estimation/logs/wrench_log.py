@@ -49,6 +49,8 @@ STUCK_TIMES = 3
 """Times the longest run of equal values elsewhere in the column, likewise."""
 LATEST = 0.1
 """s. Longest time between a wrench and a pose that belong together."""
+SINGLE_POSES = 0.9999
+"""Cosine of half the angle, median from row to row, below which rows are single poses: 1.6°."""
 PERIOD = 0.005
 """s. Faster recordings are averaged over it."""
 
@@ -120,7 +122,10 @@ def find_wrench(
             f"'q: NAME'. Columns: {names}"
         )
     notes: list[str] = [f"the wrench is {wrench.label}, the pose {posed.label}"]
-    t, unit = _clock(flat[wrench.table], columns, source)
+    # Neighbouring rows turned far apart are single poses, some seconds after each other.
+    turned = posed.values[:, -4:]
+    are_single = float(np.median(np.abs((turned[1:] * turned[:-1]).sum(axis=1)))) < SINGLE_POSES
+    t, unit = _clock(flat[wrench.table], columns, source, are_single)
     values, pose = wrench.values, posed.values
     # Poses at the times of the wrench, where they have a clock of their own.
     if posed.table != wrench.table:
@@ -336,8 +341,10 @@ def _measured_first(found: Sequence[Group]) -> list[Group]:
     return [*found]
 
 
-def _clock(flat: Table, columns: ColumnMap, source: str) -> tuple[Array, Unit]:
-    """Times (n,), s, of a table, and the unit that its clock counts in."""
+def _clock(
+    flat: Table, columns: ColumnMap, source: str, are_single: bool = False
+) -> tuple[Array, Unit]:
+    """Times (n,), s, of a table, and the unit that its clock counts in; that of single poses is s by default."""
     name = columns.t or find_clock(flat)
     if name is None or name not in flat:
         raise InputError(
@@ -348,7 +355,8 @@ def _clock(flat: Table, columns: ColumnMap, source: str) -> tuple[Array, Unit]:
     step = float(np.median(np.diff(t))) if len(t) > 1 else 0.0
     # Without a stated unit, the coarsest one in which rows follow each other as in a recording.
     likely: list[Unit] = [u for u, size in SECONDS.items() if STEPS[0] <= size * step <= 1.0]
-    unit = columns.time or unit_in(name, UNITS) or (likely[0] if likely else "s")
+    guess = likely[0] if likely and not are_single else "s"
+    unit = columns.time or unit_in(name, UNITS) or guess
     return t * SECONDS[unit], unit
 
 
