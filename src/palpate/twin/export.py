@@ -59,7 +59,8 @@ TWICE = (
     "SchemaResolverMjc: set joint_target_ke to 0 there"
 )
 NO_PRIORITY = (
-    "frictions of pairs act by `priority`; Drake ignores it and takes the harmonic mean of two geoms: "
+    "frictions of pairs act by `priority`, on all that the object touches: give the pads of a gripper a "
+    "higher one, so that theirs act; Drake ignores `priority` and takes the harmonic mean of two geoms: "
     "give it the URDF"
 )
 CLOSE = 1e-5
