@@ -11,6 +11,7 @@ import numpy as np
 from palpate.estimation.rigid_bodies import own_motion
 from palpate.robots.owner import load_description
 
+from ..estimation.logs.test_wrench import record
 from .conftest import Answer
 
 Palpate = Callable[..., Answer]
@@ -46,6 +47,26 @@ def test_a_recording_in_json_and_as_a_folder(palpate: Palpate, tmp_path: Path) -
     assert (tmp_path / "run" / "report.html").exists()
     again = json.loads(palpate("estimate", tmp_path / "run", "--json").out)
     assert again["parameters"][0]["value"] == found["parameters"][0]["value"]
+
+
+def test_load_data_are_printed_or_written(palpate: Palpate, tmp_path: Path) -> None:
+    log, file = tmp_path / "log.npz", tmp_path / "load.json"
+    np.savez(log, **record())
+    asked = ("--load-data", "ur", "--load-data", f"franka-desk={file}")
+    answer = palpate("estimate", log, *asked)
+    assert answer.status == 0
+    (line,) = [one for one in answer.out.splitlines() if one.startswith("set_target_payload(")]
+    mass = json.loads(file.read_text())["mass"]
+    assert line.startswith(f"set_target_payload({mass}, [")
+    assert f"load data written to {file}" in " ".join(answer.out.split())
+    for options, said in (
+        (("--load-data", "abb"), "unknown format of load data 'abb'"),
+        (("--load-data", f"ur={file}"), "exists already"),
+        (("--load-data", "ur", "--json"), "--load-data ur with --json needs a file"),
+    ):
+        answer = palpate("estimate", log, *options)
+        assert answer.status == 2
+        assert said in " ".join(answer.err.split())
 
 
 def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:

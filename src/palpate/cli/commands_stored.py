@@ -65,6 +65,15 @@ def estimate(
         Path | None,
         _of_log("--out", "DIR", "Run folder to make, or with --how the motion's file.", "-o"),
     ] = None,
+    load_data: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--load-data",
+            metavar="FORMAT[=FILE]",
+            help="Write the load for a controller: franka-desk, franka, ur, kuka, ros; without a "
+            "file it is printed. May be repeated.",
+        ),
+    ] = None,
     given: Annotated[Given, settings("scene", "arm", "robot_config", "remeasure")],
     as_json: AsJson = False,
 ) -> None:
@@ -74,7 +83,8 @@ def estimate(
     """
     import palpate as pp
     from palpate.cli.show_run import live_view, show_run
-    from palpate.cli.show_stored import show_how
+    from palpate.cli.show_stored import show_how, show_load_data
+    from palpate.common.files import write_new
 
     if how:
         show_how(given.get("arm", "fr3"), out)
@@ -99,7 +109,15 @@ def estimate(
             )
         if out is not None:
             found = found.save(out)
+    # Make all texts before the first file is written.
+    asked_for = [_load_format(one, as_json) for one in load_data or ()]
+    written = [(found.load_data(to, name), file) for to, file in asked_for]
+    for text, file in written:
+        if file is not None:
+            write_new(file, text)
     show_run(found, as_json)
+    if not as_json:
+        show_load_data(written)
     # Only requested parameters decide the exit status.
     asked = [one for one in found.estimates if one.parameter in found.plan.parameters]
     raise typer.Exit(0 if all(one.identified for one in asked) else 1)
@@ -111,6 +129,14 @@ def _estimator(text: str) -> tuple[str, str]:
     if not (quantity and name):
         raise InputError(f"--estimator takes QUANTITY=NAME, not '{text}'")
     return quantity, name
+
+
+def _load_format(text: str, as_json: bool) -> tuple[str, Path | None]:
+    """Parse `FORMAT[=FILE]`. Raises InputError: no file where the output is JSON."""
+    to, _, file = text.partition("=")
+    if as_json and not file:
+        raise InputError(f"--load-data {to} with --json needs a file: --load-data {to}=FILE")
+    return to.strip(), Path(file) if file else None
 
 
 def _window(text: str) -> tuple[float, float]:

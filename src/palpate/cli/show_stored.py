@@ -189,6 +189,13 @@ def show_how(arm: str, out_file: Path | None) -> None:
         out.prose(escape(line))
 
 
+def show_load_data(written: Iterable[tuple[str, Path | None]]) -> None:
+    """Print load data, or the file into which they were written."""
+    for text, file in written:
+        line = text.rstrip() if file is None else f"load data written to {file}"
+        out.print(line, markup=False, soft_wrap=True)
+
+
 def show_fusion(fusion: Fusion, as_json: bool) -> None:
     """Print the estimates of each run, and the fused ones."""
     from palpate.runs.fuse import fusion_json

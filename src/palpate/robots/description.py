@@ -344,6 +344,17 @@ class RobotDescription:
         return self.hand.tcp if isinstance(self.hand.tcp, str) else TCP
 
     @property
+    def pose_flange_tcp(self) -> Pose:
+        """Pose of the TCP in the flange: the origin of the hand's body, in the axes of the last link."""
+        model = _prepare_spec(self).compile()
+        hand = model.body(self.hand.body)
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        parent = data.body(int(model.body_parentid[hand.id]))
+        flange = Pose(data.body(hand.id).xpos.copy(), parent.xquat.copy())
+        return flange.inverse() @ tool_pose(model, data, self.hand)
+
+    @property
     def gravity(self) -> float | None:
         """Measured gravity at the arm's place, m/s^2; None if not measured."""
         measured = self.config.gravity if self.config is not None else None

@@ -134,6 +134,25 @@ class Run(InnerRun):
 
         return export_run(self, to, None if folder is None else Path(folder), check)
 
+    @known_keywords
+    def load_data(self, to: str, object: str | None = None) -> str:
+        """Write a measured load as data for a robot's controller.
+
+        Args:
+            to: `franka-desk`, `franka`, `ur`, `kuka` or `ros`.
+            object: the load, if several were measured.
+
+        Returns:
+            Text with units, frame and standard deviations.
+
+        Raises:
+            InputError: there is no such format or load, or its mass or centre of mass is not
+                identified.
+        """
+        from palpate.runs.load_data import write_load_data
+
+        return write_load_data(self, to, object)
+
     def prove(self) -> Proof:
         """Prove the twin by tasks: a push, a topple and a throw of each measured object, an opening
         of each drawer or door.
