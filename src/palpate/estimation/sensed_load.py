@@ -57,6 +57,9 @@ PAUSES = 20.0
 """Times the usual time between rows: the same for a recording of single poses. Not sensitive."""
 AT_REST = 0.2
 """s between rows, from which they are single poses at rest. Not sensitive."""
+FASTEST = 15.0
+"""rad/s: faster turns from row to row are cuts between poses at rest, not motions. Arms turn their tools by less than
+8 rad/s. Not sensitive."""
 RATE_HALF = 0.06
 """s: half width of the local quadratics that differentiate the poses. Sensitive: inertia std ×1.0–1.2."""
 MISFIT = 0.15
@@ -260,12 +263,13 @@ def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> Sens
     t, used = samples.t, loaded | empty
     step = float(np.median(np.diff(t)))
     gaps = np.diff(t, prepend=t[0]) > max(RESTART, PAUSES * step)
+    cuts = gaps | _cuts(samples)
     length = max(BLOCK, float(used.sum()) * step / MOST_BLOCKS)
     # A block ends with its time, at a gap, and where the load changes.
     place = np.floor((t - t[0]) / length).astype(int)
-    edges = np.flatnonzero(np.diff(place) | gaps[1:] | np.diff(loaded) | np.diff(used)) + 1
+    edges = np.flatnonzero(np.diff(place) | cuts[1:] | np.diff(loaded) | np.diff(used)) + 1
     groups = [rows for rows in np.split(np.arange(len(t)), edges) if used[rows[0]]]
-    pulled, turn, spun, up = _kinematics(samples, gravity, gaps)
+    pulled, turn, spun, up = _kinematics(samples, gravity, cuts)
     travelled = np.cumsum(np.linalg.norm(turn, axis=1) * np.gradient(t))
     turned = rotations(samples.pose_world_tcp[:, 3:])
 
@@ -305,15 +309,23 @@ def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> Sens
     )
 
 
-def _kinematics(samples: Samples, gravity: float, gaps: Mask) -> tuple[Array, Array, Array, Array]:
+def _cuts(samples: Samples) -> Mask:
+    """Find rows (n,) before which the sensor turns faster than any arm: poses at rest without the way between them."""
+    q = samples.pose_world_tcp[:, 3:]
+    cosine = np.abs((q[1:] * q[:-1]).sum(axis=1))
+    angle = 2.0 * np.arccos(np.minimum(cosine, 1.0))
+    return np.append(False, angle > FASTEST * np.diff(samples.t))
+
+
+def _kinematics(samples: Samples, gravity: float, cuts: Mask) -> tuple[Array, Array, Array, Array]:
     """Compute acceleration less gravity, angular velocity and acceleration, and the direction against gravity.
 
-    All (n, 3), in the axes of the sensor. The poses are differentiated in each part between `gaps`.
+    All (n, 3), in the axes of the sensor. The poses are differentiated in each part between `cuts`.
     """
     n = len(samples.t)
     moved, turn, spun = np.zeros((3, n, 3))
     turned = rotations(samples.pose_world_tcp[:, 3:])
-    for rows in np.split(np.arange(n), np.flatnonzero(gaps)):
+    for rows in np.split(np.arange(n), np.flatnonzero(cuts)):
         t, pose = samples.t[rows], samples.pose_world_tcp[rows]
         # Rows far apart are poses at rest.
         if len(rows) < 5 or float(np.median(np.diff(t))) > AT_REST:

@@ -216,6 +216,24 @@ def test_single_poses_at_rest_with_an_axis_that_drifts(tmp_path: Path) -> None:
     assert run["load.inertia"].verdict == "prior-dominated"
 
 
+@pytest.mark.parametrize("poses", [2, 10])
+def test_rests_without_the_ways_between_them_are_no_motion(tmp_path: Path, poses: int) -> None:
+    """Two seconds at each pose, cut together: the jumps of the pose say nothing about a rotation."""
+    random, rows = np.random.default_rng(3), 2 * RATE
+    turn = Rotation.from_euler("xyz", random.uniform(-1.2, 1.2, (poses, 3)))
+    turn = Rotation.from_quat(np.repeat(turn.as_quat(), rows, axis=0))
+    force = np.einsum("kji,j->ki", turn.as_matrix(), [0.0, 0.0, 9.81 * MASS])
+    wrench = np.hstack([force, np.cross(COM, force)])
+    wrench += random.normal(size=wrench.shape) * np.repeat([0.1, 0.005], 3)
+    log = {"t": np.arange(poses * rows) / RATE, "ft": -wrench - ZERO, **quaternions(turn)}
+    run = estimate(tmp_path, log)
+    assert inside(run["load.mass"], MASS)
+    assert inside(run["load.com"], COM)
+    # Two directions of gravity leave one direction of the lever open.
+    assert run["load.com"].verdict == ("identified" if poses > 2 else "prior-dominated")
+    assert run["load.inertia"].verdict == "prior-dominated"
+
+
 def test_without_positions_mass_and_centre_are_found(tmp_path: Path) -> None:
     log = {name: values for name, values in record().items() if "position" not in name}
     run = estimate(tmp_path, log)
