@@ -22,8 +22,11 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     """The settings of the runs that were asked for; they are made up."""
     found: list[Settings] = []
 
-    def made_up(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
+    def made_up(
+        settings: Settings, seed: int, displaced: bool, shared: accuracy.Prepared | None
+    ) -> SeedRun:
         assert displaced
+        assert shared is not None
         found.append(settings)
         value = 0.187 + 1e-3 * (seed % 2)
         ends = (value - 2e-3, value + 2e-3)
@@ -63,10 +66,10 @@ def test_what_is_done_when_it_is_interrupted_is_kept_and_shown(
 ) -> None:
     made_up = accuracy.run_seed
 
-    def interrupted(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
+    def interrupted(settings: Settings, seed: int, **more: Any) -> SeedRun:
         if seed == 2:
             raise KeyboardInterrupt
-        return made_up(settings, seed, displaced)
+        return made_up(settings, seed, **more)
 
     monkeypatch.setattr(accuracy, "run_seed", interrupted)
     study = ("study", "accuracy", "one_missing_mass", "--workers", 1, "--out", "kept")

@@ -10,9 +10,18 @@ import pytest
 
 from palpate.common.parameter import Parameter
 from palpate.execution.simulated_cell import SimulatedCell
+from palpate.runs import pipeline
 from palpate.runs.settings import Settings
 from palpate.scene.load import load_scene
-from palpate.studies.accuracy import SeedRun, accuracy, displaced_cell, run_seed
+from palpate.studies.accuracy import (
+    Question,
+    SeedRun,
+    StudyCase,
+    accuracy,
+    displaced_cell,
+    run_case,
+    run_seed,
+)
 from palpate.studies.summary import summarise
 
 MASS, COM = Parameter("cup", "mass"), Parameter("cup", "com")
@@ -129,3 +138,15 @@ def test_displaced_cell_keeps_the_drawn_truth(com_settings: Settings) -> None:
     made = cell(Settings(scene=com_settings.scene), seed=3)
     assert np.abs(shift(made)).max() > 1e-5
     assert made.truth(COM) == pytest.approx(made.drawn[COM], rel=1e-6)
+
+
+def test_the_seeds_of_a_scenario_share_one_plan_and_give_the_values_of_separate_runs(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    question, plans = Question("one_missing_mass", (("noise", "none"),)), list[int]()
+    plan = pipeline.plan
+    monkeypatch.setattr(pipeline, "plan", lambda *given: plans.append(1) or plan(*given))
+    shared = [run_case(StudyCase(question, seed)) for seed in (4, 5)]
+    assert len(plans) == 1
+    assert shared[1] == run_seed(question.settings, 5, displaced=True)
+    assert shared[0].estimates[0].value != shared[1].estimates[0].value

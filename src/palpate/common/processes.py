@@ -7,7 +7,7 @@ import os
 import signal
 import sys
 import threading
-from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable, Sequence
 from concurrent.futures import Future, wait
 from contextlib import ExitStack, contextmanager, suppress
 from functools import partial
@@ -252,7 +252,7 @@ class Beside(Generic[T]):
         self.close()
 
 
-def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Iterator[T]:
+def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Generator[T]:
     """Iterate over the results of `work` on each of `items`, in order.
 
     This process handles the first share of the items, and one copy per further processor handles an equal

@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections import Counter, defaultdict
 from collections.abc import Collection
+from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
@@ -18,7 +19,7 @@ from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from palpate.common.errors import InputError
 from palpate.common.files import MB, read_bytes
-from palpate.common.processes import Beside, interrupts
+from palpate.common.processes import interrupts, shared_out
 from palpate.common.version import __version__
 from palpate.execution.foresight import Finite, Foresight, WorldComparison
 from palpate.execution.harm import FALLING, MOVED, first_harm
@@ -128,17 +129,18 @@ def rehearse(plan: Plan, scene: Scene, draws: int = DRAWS) -> Rehearsal:
 
 
 def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
-    # The drawn worlds run in a process of their own, next to the believed one. In the first of them the
-    # pads are smoother than believed. If the scene has no unknowns, it is the only one of a plan that grasps.
+    # In the first of the drawn worlds the pads are smoother than believed. If the scene has no unknowns, it is the
+    # only one of a plan that grasps.
     seeds = range(1, 1 + draws) if scene.missing else range(min(draws, int(_grasps(plan))))
-    others = [(seed, 1.0 if i else SMOOTHER) for i, seed in enumerate(seeds)]
+    worlds = [(0, 1.0), *((seed, 1.0 if i else SMOOTHER) for i, seed in enumerate(seeds))]
+    # The worlds are shared out to the processors. A failure in the believed one, the first, ends the others.
     with (
         interrupts() as signals,
         signals.raised(),
-        Beside(lambda: [_attempt(plan, scene, *other) for other in others]) as beside,
+        closing(shared_out(lambda world: _attempt(plan, scene, *world), worlds)) as attempts,
     ):
-        believed = _attempt(plan, scene, 0)
-        drawn = [] if believed.failure else beside.result()
+        believed = next(attempts)
+        drawn = [] if believed.failure else [*attempts]
     # A drawn world may add a harm. Its observed weights widen the foresight.
     worst = next((other for other in drawn if other.failure), believed)
     return replace(

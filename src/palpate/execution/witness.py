@@ -17,6 +17,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.robots.description import PREFIX
+from palpate.robots.simulated.timing import Undoing
 
 if TYPE_CHECKING:
     from palpate.robots.simulated.world import World
@@ -88,8 +89,8 @@ class Touching(NamedTuple):
     touched: Mask  # (objects,) touching anything
 
 
-class Witness:
-    """Observer of a simulation: called after every physics step."""
+class Witness(Undoing):
+    """Observer of a simulation: of every physics step."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         """Record the first poses; the positions in `data` must be computed."""
@@ -126,9 +127,11 @@ class Witness:
         self._held = -1
         self._let_go = LET_GO / self.period
         self._force = np.zeros(6)
+        self._still = mujoco.MjData(model)  # for the kinematics of recorded configurations
         self._known: tuple[bytes, int] | None = None
         # Poses every 5 ms, the first ones before any motion.
-        self.looks = [self._look(data, np.zeros(len(free), dtype=bool))]
+        self.looks: list[PoseRecord] = []
+        self._look(data, np.zeros(len(free), dtype=bool))
 
     @classmethod
     def of(cls, world: World) -> Witness:
@@ -142,13 +145,26 @@ class Witness:
         touching = self._who_touches(data.contact.geom)
         if touching.mine:
             self._note_forces(data, touching)
+        if self._is_look_due():
+            self._look(data, touching.touched)
+
+    def pass_untouched(self, qpos: Array) -> None:
+        """Record steps in which nothing touches anything, by the configurations `qpos` (n, nq) after each of them."""
+        nothing = np.zeros(len(self.objects), dtype=bool)
+        for row in qpos:
+            if self._is_look_due():
+                self._still.qpos[:] = row
+                mujoco.mj_kinematics(self._model, self._still)
+                self._look(self._still, nothing)
+
+    def _is_look_due(self) -> bool:
+        """Count a step, and test if the poses are recorded after it."""
         # Without grip contacts for some time, the object counts as released.
         if self.steps - self._gripped.get(self._held, self.steps) > self._let_go:
             self._hold(-1)
         # A longer step counts for several.
         self.steps += round(self._model.opt.timestep / self.period)
-        if self.steps % LOOK == 0:
-            self.looks.append(self._look(data, touching.touched))
+        return self.steps % LOOK == 0
 
     def mark(self) -> Callable[[], None]:
         """Return a function that undoes all steps from now on."""
@@ -295,9 +311,10 @@ class Witness:
         if thing >= 0:
             self._mine |= self._object == thing
 
-    def _look(self, data: mujoco.MjData, touched: Mask) -> PoseRecord:
+    def _look(self, data: mujoco.MjData, touched: Mask) -> None:
+        """Record the poses."""
         poses, hand = data.qpos[self._qpos], data.xquat[self._hand].copy()
-        return PoseRecord(self.steps, poses, hand, self._held, touched)
+        self.looks.append(PoseRecord(self.steps, poses, hand, self._held, touched))
 
     def _name_geoms(self) -> None:
         """Name each geom by its body; geoms of the world body keep their own names."""

@@ -8,7 +8,7 @@ import time
 import traceback
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field, replace
-from functools import partial
+from functools import lru_cache, partial
 from typing import Any
 
 import numpy as np
@@ -19,6 +19,7 @@ from palpate.estimation.balance import accuracy as pose_accuracy
 from palpate.estimation.estimate import Estimate, Verdict
 from palpate.execution.cell import Cell
 from palpate.execution.simulated_cell import SimulatedCell
+from palpate.planning.registry import OWN
 from palpate.runs import pipeline
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
@@ -125,6 +126,37 @@ class StudyCase:
     seed: int
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class Prepared:
+    """Checked plan of a question, and its simulated world as read from the file."""
+
+    made: Run
+    cell: Cell | None  # None for a world without a file, whose unknowns each seed draws
+
+    @classmethod
+    def of(cls, settings: Settings) -> Prepared:
+        """Plan by the settings, and read their world."""
+        made = pipeline.plan(settings, pipeline.load(settings))
+        if not made.ready or settings.world is None:
+            return cls(made, None)
+        return cls(made, cell_for(settings, made.scene, made.seen is not None))
+
+    def for_seed(self, settings: Settings) -> tuple[Run, Cell | None]:
+        """Return the planned run with the seed of `settings`, and its cell."""
+        made = replace(self.made, settings=replace(self.made.settings, seed=settings.seed))
+        if isinstance(self.cell, SimulatedCell):
+            return made, replace(self.cell, seed=settings.seed)
+        return made, self.cell
+
+
+@lru_cache(1)
+def _prepared(question: Question) -> Prepared | None:
+    """Prepare all seeds of a question at once; None where a seed may change the plan (a picture) or the cell."""
+    settings = question.settings
+    varies = settings.scene is None or settings.images or settings.robot_config is not None
+    return None if varies or settings.planner not in OWN else Prepared.of(settings)
+
+
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
     """Run all seeds, in order. Each run is deterministic, and independent of the count of workers."""
     return spread(partial(run_seed, settings), seeds, workers)
@@ -133,7 +165,8 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
 def run_case(case: StudyCase) -> SeedRun:
     """Run a case with randomly displaced objects. An exception becomes a crashed run."""
     try:
-        return run_seed(case.question.settings, case.seed, displaced=True)
+        shared = _prepared(case.question)
+        return run_seed(case.question.settings, case.seed, displaced=True, shared=shared)
     except Exception:  # one failed seed must not end a campaign of hours
         return crashed_run(case.seed, traceback.format_exc(limit=-8))
 
@@ -143,16 +176,20 @@ def crashed_run(seed: int, reason: str) -> SeedRun:
     return SeedRun(seed, CRASHED, 0, 0.0, (), crash=reason)
 
 
-def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
+def run_seed(
+    settings: Settings, seed: int, displaced: bool = False, shared: Prepared | None = None
+) -> SeedRun:
     """Plan, execute and estimate once, without twin and report.
 
-    With `displaced`, the world's objects are displaced by the accuracy of their poses.
+    With `displaced`, the world's objects are displaced by the accuracy of their poses. A plan that the runs of a
+    study have `shared` is not made again.
     """
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
-    # Plan and measure, in a displaced world if requested.
-    made = pipeline.plan(settings, pipeline.load(settings))
-    cell = displaced_cell(settings, made.scene, made.seen is not None) if displaced else None
+    made, cell = (shared or Prepared.of(settings)).for_seed(settings)
+    # Measure, in a displaced world if requested.
+    if displaced:
+        cell = displaced_cell(settings, made.scene, made.seen is not None, cell)
     run = pipeline.measure(made, cell=cell)
     done = run.execution
     if done is None:
@@ -174,14 +211,16 @@ def run_seed(settings: Settings, seed: int, displaced: bool = False) -> SeedRun:
     )
 
 
-def displaced_cell(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
-    """Make the cell that the settings name, with displaced objects.
+def displaced_cell(
+    settings: Settings, scene: Scene | None, seen: bool = False, cell: Cell | None = None
+) -> Cell:
+    """Displace the objects of the `cell`, by default of the one that the settings name.
 
     Each object is displaced in the plane by the stated accuracy of its pose (1 sigma an axis),
     seeded by the settings. The detection has displaced objects `seen` in a picture already.
     """
     # Objects exactly at their poses would make the pose errors in the intervals look too large.
-    cell = cell_for(settings, scene, seen)
+    cell = cell or cell_for(settings, scene, seen)
     if scene is None or seen or not isinstance(cell, SimulatedCell):
         return cell
     # Draw a horizontal shift for each object from its pose accuracy.

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Protocol, runtime_checkable
 
 import mujoco
+
+from palpate.common.pose import Array
 
 TIMESTEP = 0.001  # s, the control cycle, 1 kHz
 # Default physics steps in a control cycle, while anything touches or moves apart from the arm. With
@@ -22,26 +24,25 @@ LONGEST_RUN = 8  # log periods, at most, between two updates of the feed-forward
 Watch = Callable[[mujoco.MjData], None]
 
 
-@runtime_checkable
-class Undoing(Protocol):
+class Undoing(ABC):
     """Observer that can undo steps.
 
     The world then takes many steps at once, and goes back where the arm stops itself among them.
     """
 
-    def __call__(self, data: mujoco.MjData) -> None: ...
+    @abstractmethod
+    def __call__(self, data: mujoco.MjData) -> None:
+        """Record one physics step."""
 
+    @abstractmethod
     def mark(self) -> Callable[[], None]:
         """Return a function that undoes all steps from here on."""
-        ...
+
+    @abstractmethod
+    def pass_untouched(self, qpos: Array) -> None:
+        """Record steps in which nothing touches anything, by the configurations `qpos` (n, nq) after each of them."""
 
 
 def takes_many(watch: Watch | None) -> bool:
     """Test if the world may take many steps at once before it knows that all of them stay."""
     return watch is None or isinstance(watch, Undoing)
-
-
-def mark_steps(watch: Watch | None) -> Callable[[], None]:
-    """Return a function that undoes all steps from here on."""
-    # None first: an instance test against a protocol is slow.
-    return watch.mark() if watch is not None and isinstance(watch, Undoing) else lambda: None

@@ -38,8 +38,8 @@ from palpate.robots.simulated.timing import (
     PERIOD,
     SUBSTEPS,
     TIMESTEP,
+    Undoing,
     Watch,
-    mark_steps,
     takes_many,
 )
 
@@ -199,14 +199,16 @@ class World:
         """
         mujoco.mj_copyData(self._before, self.model, self._data)
         before, count = self.compensation, len(control)
-        undo = mark_steps(self.watch)
-        self._roll(control)
-        if self._substeps < self._finest and self._is_touching(count):  # repeat with finer steps
+        # The watch sees single steps; of a run in which nothing touches only the configurations, at its end.
+        watch = self.watch if isinstance(self.watch, Undoing) else None
+        undo = None if watch is None else watch.mark()
+        free = self._substeps < self._finest
+        self._roll(control, watched=not free)
+        if free and self._is_touching(count):  # repeat with finer steps
             mujoco.mj_copyData(self._data, self.model, self._before)
-            undo()
-            undo = mark_steps(self.watch)
             self._pace(self._finest)
-            self._roll(control)
+            free = False
+            self._roll(control, watched=True)
         # The motors hold the nominal arm's weight, which is interpolated over the run.
         share = np.arange(1.0, count + 1)[:, None] / count
         weight = before + share * (self.compensation - before)
@@ -219,8 +221,11 @@ class World:
         last = (guard.felt or count) if fired is None else fired + 1
         if last < count:
             mujoco.mj_copyData(self._data, self.model, self._before)
-            undo()
-            self._roll(control[:last])
+            if undo is not None:
+                undo()
+            self._roll(control[:last], watched=not free)
+        if free and watch is not None:
+            watch.pass_untouched(self._states[0, : last * self._substeps, 1 : 1 + self.model.nq])
         return fired
 
     def _is_touching(self, count: int) -> bool:
@@ -240,9 +245,9 @@ class World:
                 break
         return None
 
-    def _roll(self, control: Array) -> None:
-        """Step all cycles in one call, block by block where friction changes, or one by one for `watch`."""
-        if self.watch is not None:
+    def _roll(self, control: Array, watched: bool) -> None:
+        """Step all cycles in one call, block by block where friction changes; `watched` one by one for the watch."""
+        if watched and self.watch is not None:
             self._cycle(control, 0, len(control))
             return
         model, data = self.model, self._data
@@ -273,20 +278,21 @@ class World:
         self, control: Array, first: int, last: int, reaction: Reaction | None = None
     ) -> None:
         """Step the cycles from `first` to `last`; with a `reaction` the arm yields."""
-        data = self._data
+        model, data, watch, substeps = self.model, self._data, self.watch, self._substeps
+        states, signals = self._states[0], self._signals[0]
         for i in range(first, last):
             if i % BLOCK == 0:
                 for stiction in self._stiction:
-                    stiction.apply(self.model, data)
+                    stiction.apply(model, data)
             data.ctrl[:] = control[i]
             if reaction is not None:
                 data.ctrl[self.actuators.drives] = reaction.torque(self._dq)
-            for row in range(i * self._substeps, (i + 1) * self._substeps):
-                mujoco.mj_step(self.model, data)
-                mujoco.mj_getState(self.model, data, self._states[0, row], PHYSICS)
-                self._signals[0, row] = data.sensordata
-                if self.watch is not None:
-                    self.watch(data)
+            for row in range(i * substeps, (i + 1) * substeps):
+                mujoco.mj_step(model, data)
+                mujoco.mj_getState(model, data, states[row], PHYSICS)
+                signals[row] = data.sensordata
+                if watch is not None:
+                    watch(data)
 
     def set_fingers(self, control: Array, opening: Array | float) -> None:
         """Command each finger's distance from the middle, m, in the rows of `control`."""
