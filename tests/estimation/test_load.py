@@ -176,20 +176,12 @@ def test_rests_that_agree_tell_that_nothing_stays(lifted):
     assert estimate_mass(lifted(), BOTTLE, None).stds[0] < 0.3 * kept
 
 
-def test_rests_and_passes_that_are_biased_alike_tell_of_each_other(lifted, monkeypatch):
-    alike = estimate_mass(lifted(), BOTTLE, None)
-    monkeypatch.setattr("palpate.estimation.load_fit.KINDS_APART", (1.0,))
-    assert alike.stds[0] < estimate_mass(lifted(), BOTTLE, None).stds[0]
-
-
-def test_what_goes_with_the_direction_cancels_as_it_did(lifted, monkeypatch):
-    """A quarter of a newton that turns round with the direction, with the load and without."""
+def test_a_force_that_reverses_with_the_direction_cancels(lifted):
+    """A quarter of a newton against the motion, with the load and without."""
     trace = lifted(extra=lambda samples: upward(0.25 * np.sign(samples.twist[:, 2])))
     found = estimate_mass(trace, BOTTLE, None)
-    monkeypatch.setattr("palpate.estimation.load_fit.KINDS_APART", (1.0,))
-    apart = estimate_mass(trace, BOTTLE, None)
     assert abs(found.values[0] - MASS) < 3.0 * found.stds[0]
-    assert found.values[0] == pytest.approx(apart.values[0], abs=apart.stds[0])
+    assert found.stds[0] < 1.3 * estimate_mass(lifted(), BOTTLE, None).stds[0]
 
 
 DECEPTIONS = {

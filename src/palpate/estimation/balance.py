@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.common.pose import Array, Pose
-from palpate.estimation.estimate import FitTest, FitView, Shared, chi_squared
+from palpate.estimation.estimate import FitTest, FitView, Shared, chi_squared, map_shared
 from palpate.estimation.grip import EXPECTED, SPREAD, before, slid
 from palpate.estimation.holds import Hold, ObjectHolds
 from palpate.estimation.load_fit import LoadEstimate
-from palpate.estimation.weighing import shared_links, shared_sensors
 from palpate.mjcf.body import Body
 from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
@@ -85,10 +84,7 @@ def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Gras
         covariance += np.outer(place.effect, place.effect)
     for effect in (droop_effects(held, about) * SPREAD, slip_effects(held) * GRIP_SLIDE):
         covariance += effect @ effect.T
-    # Causes shared with other runs, with their effects on the right side.
-    links = {name: slopes @ effect for name, effect in held.links.items()}
-    sensors = shared_sensors(slopes @ load.gains, slopes @ load.crosstalk)
-    shared = (*sensors, *shared_links(links), *places)
+    shared = (*map_shared(load.shared, slopes), *places)
     loose = ARM_WEIGHT * trace.hand.pose_repeatability / load.force
     return Grasps(
         recordings, np.vstack(rows), np.concatenate(right), covariance, loose, load.freedom, shared
@@ -115,9 +111,7 @@ def balance(grasps: Grasps, body: Body) -> tuple[Array, Array, FitTest, tuple[Sh
     freedom = max(1, len(left) - int(np.linalg.matrix_rank(grasps.rows, tol=SEEN)))
     inflated: Array = covariance * max(1.0, float(left @ weight @ left) / freedom)
     # Propagate each shared cause and the prior to the estimate.
-    shared: list[Shared] = []
-    for one in grasps.shared:
-        shared.append(replace(one, effect=tuple((carried @ np.array(one.effect)).tolist())))
+    shared = [*map_shared(grasps.shared, carried)]
     for axis, column in zip("xyz", (covariance / spread).T, strict=True):
         shared.append(Shared(f"{BELIEVED} of {axis}", "scene", tuple(column.tolist())))
     # Test the agreement of the grasps within the datasheet accuracy of the arm.

@@ -19,7 +19,7 @@ import numpy as np
 from palpate.common.pose import Array
 from palpate.estimation.drags import NORMAL_MIN, Drag
 from palpate.estimation.friction_fit import Sliding
-from palpate.estimation.load_causes import INERTIA_SHARE
+from palpate.estimation.joint_causes import INERTIA_SHARE
 
 MASS_ERROR = 0.5
 """kg (1 sigma). Smallest error of the arm's apparent mass from the end of a drag: the arm decelerates at other joint

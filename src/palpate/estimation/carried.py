@@ -41,14 +41,14 @@ from palpate.estimation.estimate import (
     FitTest,
     FitView,
     FurtherValue,
-    Shared,
     chi_squared,
     constant,
+    map_shared,
     not_identified,
     unit_slopes,
 )
+from palpate.estimation.joint_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS
 from palpate.estimation.joint_friction import FLOOR
-from palpate.estimation.load_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
@@ -327,7 +327,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
             *_sound(trace, found, name),
             *(_same_in_all_parts(trace, found) if name == LOAD else ()),
         ),
-        shared=_shared_errors(found, np.eye(10)[:1], name),
+        shared=map_shared(found.posterior.shared(name), np.eye(10)[:1]),
         views=(_mass_view(trace, found),) if name == LOAD else (),
     )
 
@@ -363,7 +363,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         unseen=unseen,
         tests=_same_in_all_parts(trace, found),
     )
-    return replace(made, shared=_shared_errors(found, slopes))
+    return replace(made, shared=map_shared(found.posterior.shared(LOAD), slopes))
 
 
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
@@ -419,7 +419,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         unseen=unseen,
         tests=(test, *_same_in_all_parts(trace, found)),
     )
-    return replace(made, shared=_shared_errors(found, slopes))
+    return replace(made, shared=map_shared(found.posterior.shared(LOAD), slopes))
 
 
 def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
@@ -528,15 +528,6 @@ def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
     """Compute the (k, 10) Jacobian of a function of the parameters by central differences."""
     steps = 1e-6 * np.eye(len(value))
     return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
-
-
-def _shared_errors(
-    found: CarriedLoad | SensedLoad, slopes: Array, name: str = LOAD
-) -> tuple[Shared, ...]:
-    """List the errors that other runs of the same arm share, mapped to the estimate by `slopes` (k,
-    10)."""
-    each = found.posterior.shared(name)
-    return tuple(replace(one, effect=tuple(slopes @ np.array(one.effect))) for one in each)
 
 
 def _seconds(found: CarriedLoad | SensedLoad) -> str:

@@ -1,4 +1,4 @@
-"""Design matrix of the sliding force: friction and all other unknowns, one column each.
+"""Causes of the force along a drag: friction, the support, and the arm.
 
 In a row of a drag, w is the direction (a unit vector), r the position of the hand, v the speed:
 
@@ -17,14 +17,15 @@ joint's last motion, t_j its friction torque, and τ_j its measured torque.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Sequence
 from typing import Literal
 
 import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.drags import Drag
+from palpate.estimation.joint_causes import gain_cause
+from palpate.estimation.regression import Cause, PriorScale
 from palpate.estimation.wrench_observation import WrenchObservation, gain_root
 from palpate.trace.recording import NominalHand
 
@@ -61,87 +62,42 @@ KIND_BIAS = 0.3
 GAIN_RATIO = 0.8
 """Error (1 sigma) of a quotient of two forces, in half widths of a gain. Different joints carry the two forces, so the
 error is sqrt(2) times a uniform one, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
+UNEVEN_SHARES = (0.0, 0.03, 0.1, 0.3)
+"""Fractions (1 sigma) by which friction may vary with direction, position or speed. Sensitive: friction 0.07 σ, std
+×0.7–1.2."""
+LIKELY_UNEVEN = (0.91, 0.03, 0.03, 0.03)
+"""Prior probabilities of `UNEVEN_SHARES`. Sensitive: friction 0.1 σ, std ×0.8–1.2."""
 
-Origin = Literal["arm", "scene"]
-
-MU = 0
-WAYS, AXES, PLACES, SPEED = slice(1, 3), slice(3, 5), slice(5, 7), slice(7, 8)
-HELD, BIAS, SPRING, CURVE = slice(8, 9), slice(9, 11), slice(11, 14), slice(14, 18)
-FIRST = 18
-"""First column of the arm."""
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Columns:
-    """Design matrix of the linear unknowns of several drags."""
-
-    of: tuple[Array, ...]  # for each drag (n, p), one row for each row of the drag
-    # For each drag (m,), force in N by a unit of each signal: 1 N m in a joint, or 1 N in the
-    # wrench.
-    levers: tuple[Array, ...]
-    expected: Array  # (p,) prior means
-    fixed: Array  # (p,) prior standard deviations
-    uneven: Array  # (p,) additional prior standard deviations per share of uneven friction
-    joints: slice  # columns of the joints' friction
-    gains: slice  # columns of the joints' gains
-
-    def prior(self, share: float) -> Array:
-        """Prior standard deviations (p,) for a `share` of uneven friction."""
-        return self.fixed + share * self.uneven
-
-    def shared(self, errors: Array) -> Iterator[tuple[str, Origin, float]]:
-        """Yield each cause shared with other runs: its name, its origin, and its effect.
-
-        `errors` (p,) are the errors of an unknown by one prior deviation of each cause.
-        """
-        kinds: tuple[tuple[str, Origin, slice], ...] = (
-            ("gain of joint", "arm", self.gains),
-            ("friction of joint", "arm", self.joints),
-            ("bend of the bias along the way", "arm", CURVE),
-            ("lean of support", "scene", WAYS),
-            ("what holds the object", "scene", HELD),
-            ("what pulls with the place", "scene", SPRING),
-        )
-        # Number the unknowns of each kind from 1.
-        for what, of, which in kinds:
-            for i, effect in enumerate(errors[which].tolist()):
-                yield f"{what} {i + 1}", of, effect
-
-
-def columns(
-    drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
-) -> Columns:
-    """Build the columns of all unknowns; those of the arm are linearised at `mu`."""
-    # Design matrix of each drag: support, joint friction, an indicator of the drag, gains.
-    middle, usual = middle_of(drags), usual_speed(drags)
-    whole: list[Array] = []
-    dahl: list[Array] = []
-    for drag, mine in zip(drags, np.eye(len(drags)), strict=True):
-        dahl_states, gains = of_arm(drag, drags, observed, hand, mu)
-        own = np.ones((len(drag.t), 1)) * mine
-        whole.append(np.hstack([of_support(drag, middle, usual), dahl_states, own, gains]))
-        dahl.append(dahl_states[drag.steady].mean(axis=0))
-
-    # Places of the columns after those of the support.
-    hanging, count = drags[0].hanging, len(dahl[0])
-    friction, unsure = hanging.friction, hanging.unsure
-    if observed.chain is None:
-        # Unknown joints: friction in N on each line of motion, instead of N m in each joint.
-        friction, unsure = np.zeros(count), np.full(count, KIND_BIAS)
-    # The columns: joint friction, one a drag, gains. Each has a prior mean and standard deviation.
-    joints = slice(FIRST, FIRST + len(friction))
-    each = slice(joints.stop, joints.stop + len(drags))
-    gains = slice(each.stop, whole[0].shape[1])
-    expected, fixed, uneven = np.zeros((3, gains.stop))
-    fixed[MU], fixed[WAYS], fixed[HELD] = FRICTION_PRIOR, SUPPORT_LEAN_STD, HELD_FORCE_STD
-    fixed[BIAS], fixed[SPRING], fixed[CURVE] = REFERRED, PULL, BIAS_CURVATURE_STD
-    uneven[AXES] = uneven[PLACES] = uneven[SPEED] = mu
-    expected[joints], fixed[joints] = friction, np.hypot(unsure, ANOTHER * friction)
-    # A joint's friction differs from that in free air, and by a further part in each drag.
-    fixed[each] = np.hypot(DRAG_BIAS, ANOTHER_DRAG * (np.array(dahl) @ friction))
-    fixed[gains] = 1.0
-    levers = tuple(signal_levers(drag.q, drag, observed, mu) for drag in drags)
-    return Columns(tuple(whole), levers, expected, fixed, uneven, joints, gains)
+FRICTION, LEAN, AXES, PLACES, SPEED = (
+    "friction",
+    "lean of support",
+    "friction by direction",
+    "friction by place",
+    "friction by speed",
+)
+HOLDS, PULLS, BIAS, BEND = (
+    "what holds the object",
+    "what pulls with the place",
+    "bias",
+    "bend of the bias along the way",
+)
+JOINTS, ONE_DRAG = "friction of joint", "friction of a drag"
+"""Names of causes."""
+UNEVEN = (AXES, PLACES, SPEED)
+"""Causes of a friction that varies. Their prior is a share of the coefficient, which is learned."""
+SUPPORT: tuple[tuple[str, slice, float, Literal["arm", "scene"] | None], ...] = (
+    (FRICTION, slice(0, 1), FRICTION_PRIOR, None),
+    (LEAN, slice(1, 3), SUPPORT_LEAN_STD, "scene"),
+    (AXES, slice(3, 5), 1.0, None),
+    (PLACES, slice(5, 7), 1.0, None),
+    (SPEED, slice(7, 8), 1.0, None),
+    (HOLDS, slice(8, 9), HELD_FORCE_STD, "scene"),
+    (PULLS, slice(9, 12), PULL, "scene"),
+    (BIAS, slice(12, 14), REFERRED, None),
+    (BEND, slice(14, 18), BIAS_CURVATURE_STD, "arm"),
+)
+"""Name, columns of `support_columns`, prior deviation, and origin of each cause along a drag."""
+UNEVEN_SCALE = PriorScale(UNEVEN, UNEVEN_SHARES, LIKELY_UNEVEN)
 
 
 def middle_of(drags: Sequence[Drag]) -> Array:
@@ -157,8 +113,8 @@ def usual_speed(drags: Sequence[Drag]) -> float:
     return float(np.exp2(speeds.mean()))
 
 
-def of_support(drag: Drag, middle: Array, usual: float) -> Array:
-    """Columns (n, FIRST) of the support; positions relative to `middle` (2,), m, speeds to `usual`, m/s."""
+def support_columns(drag: Drag, middle: Array, usual: float) -> Array:
+    """Columns (n, 18) of `SUPPORT`; positions relative to `middle` (2,), m, speeds to `usual`, m/s."""
     # Position in units of half a slide, and the factors of direction: tilt, anisotropy, speed.
     x, y = ((drag.place - middle) / HALF_WAY).T
     wx, wy = drag.way
@@ -168,19 +124,51 @@ def of_support(drag: Drag, middle: Array, usual: float) -> Array:
     # Gradients of a quadratic and a cubic potential, projected on the drag: springs, and curvature of the bias.
     spring = [wx * x, wy * y, wx * y + wy * x]
     curve = [wx * x**2, wx * x * y + wy * x**2 / 2, wy * x * y + wx * y**2 / 2, wy * y**2]
+    pressed = [normal, *(normal * c for c in (wx, wy, *axes, x, y, speed))]
     return np.column_stack(
-        [
-            normal,
-            *(normal * c for c in (wx, wy, *axes, x, y, speed)),
-            ones,
-            *(ones * c for c in (wx, wy)),
-            *(HALF_WAY * c for c in spring),
-            *curve,
-        ]
+        [*pressed, ones, *(HALF_WAY * c for c in spring), wx * ones, wy * ones, *curve]
     )
 
 
-def of_arm(
+def support_causes(columns: Array, mu: float) -> list[Cause]:
+    """Build the causes of `SUPPORT` from their columns (n, 18), near a coefficient `mu`."""
+    found: list[Cause] = []
+    for name, which, prior, of in SUPPORT:
+        std = prior * mu if name in UNEVEN else prior
+        own = columns[:, which]
+        found.append(Cause(name, own, np.full(int(own.shape[1]), std), of))
+    return found
+
+
+def arm_causes(
+    drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
+) -> tuple[list[Cause], Array]:
+    """Build the causes of the arm in the rows of all drags, linearised at `mu`; drag after drag.
+
+    Returns:
+        Joint friction, friction of each drag, and gains.
+        Prior means (k,) of the joint friction.
+    """
+    parts = [_arm_columns(drag, drags, observed, hand, mu) for drag in drags]
+    rubbing, gains = (np.concatenate(columns) for columns in zip(*parts, strict=True))
+    hanging = drags[0].hanging
+    friction, unsure = hanging.friction, hanging.unsure
+    if observed.chain is None:
+        # Unknown joints: friction in N on each line of motion, instead of N m in each joint.
+        friction, unsure = np.zeros(rubbing.shape[1]), np.full(rubbing.shape[1], KIND_BIAS)
+    # A joint's friction differs from that in free air, and by a further part in each drag.
+    steady = [own[drag.steady].mean(axis=0) for drag, (own, _) in zip(drags, parts, strict=True)]
+    each = np.hypot(DRAG_BIAS, ANOTHER_DRAG * (np.array(steady) @ friction))
+    own_drag = np.repeat(np.eye(len(drags)), [len(drag.t) for drag in drags], axis=0)
+    causes = [
+        Cause(JOINTS, rubbing, np.hypot(unsure, ANOTHER * friction), "arm"),
+        Cause(ONE_DRAG, own_drag, each),
+        gain_cause(gains),
+    ]
+    return causes, friction
+
+
+def _arm_columns(
     drag: Drag, drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
 ) -> tuple[Array, Array]:
     """Columns of the arm: joint friction (n, k), N per N m, and gains (n, m), N per standard deviation."""

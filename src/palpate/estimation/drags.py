@@ -16,9 +16,9 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.estimation.coloured_residual import ColouredResidual
+from palpate.estimation.joint_causes import of_empty_hand
 from palpate.estimation.joint_friction import FLOOR, SMOOTH, joint_friction, joint_ways
 from palpate.estimation.load_blocks import joint_travel, rows_in_free_air
-from palpate.estimation.load_causes import of_empty_hand
 from palpate.estimation.load_noise import UNKNOWN_NOISE, SignalLevels, block_noise, load_rows
 from palpate.estimation.motion import (
     SPEED_SMOOTH,

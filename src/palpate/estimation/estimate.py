@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
 from typing import TYPE_CHECKING, Any, Literal
@@ -223,6 +223,13 @@ class Shared:
     cause: str
     of: Literal["arm", "scene"]
     effect: tuple[float, ...]
+
+
+def map_shared(shared: Iterable[Shared], slopes: Array) -> tuple[Shared, ...]:
+    """Errors of a function of an estimate, with the derivatives `slopes` (k, n), from those of the estimate."""
+    return tuple(
+        replace(one, effect=tuple((slopes @ np.array(one.effect)).tolist())) for one in shared
+    )
 
 
 COLUMNS = ("parameter", "value ± std", "95 % interval", "verdict")

@@ -10,12 +10,12 @@ import numpy as np
 from palpate.common.pose import Array, Joint
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
+from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS, gain_cause
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
-from palpate.estimation.load_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS
 from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
-from palpate.estimation.wrench_observation import WrenchObservation, gain_root, observe
-from palpate.trace.recording import NominalHand, Recording
+from palpate.estimation.wrench_observation import GAIN, WrenchObservation, gain_root, observe
+from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace, once
 
 HANDLE_BLOCK = 0.2
@@ -185,14 +185,7 @@ HANDLE_LEVEL = 0.02
 """Cosine between the vertical and a slide's direction, or the horizontal and a hinge's axis. Below it gravity does not
 depend on the position. Sensitive: no, 0.02 of a weight is less than the deviation of friction."""
 
-DRY, DAMPING, SPRING, INERTIA, PULL, GAIN = (
-    "dry friction",
-    "damping",
-    "spring",
-    "inertia",
-    "pull",
-    "gain",
-)
+DRY, DAMPING, SPRING, INERTIA, PULL = "dry friction", "damping", "spring", "inertia", "pull"
 """Names of causes."""
 RUBBING = "joint friction"
 ONSET = "onset of dry friction"
@@ -253,7 +246,9 @@ def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
     first = _likeliest(passes, joint, lever)
     causes, noise = list(first.causes), first.noise
     # Gain errors are proportional to the measured force, so they need a first fit.
-    causes.append(_gains(passes, sum_of(first, OF_JOINT), trace.hand))
+    felt = sum_of(first, OF_JOINT)[:, None]
+    gains = gain_root(trace.hand, int(passes.shown.shape[1]))
+    causes.append(gain_cause((felt * passes.shown) @ gains))
     causes.append(_load_friction_cause(passes, first))
     scales = [PriorScale((GAIN,), *GAINS_OFF)]
     found = fit(causes, noise, passes.force, scales)
@@ -346,14 +341,6 @@ def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
     columns = np.column_stack([way, passes.held * passes.rate / fastest])
     prior = np.maximum(np.array(HANDLE_LOADED) * size, FLOOR)
     return Cause("joint friction with a load", columns, prior)
-
-
-def _gains(passes: Passes, felt: Array, hand: NominalHand) -> Cause:
-    """Relative errors of the torque sensors, for the measured force (k,)."""
-    count = int(passes.shown.shape[1])
-    columns = (felt[:, None] * passes.shown) @ gain_root(hand, count)
-    labels = tuple(f"gain of joint {i + 1}" for i in range(count))
-    return Cause(GAIN, columns, np.ones(count), "arm", labels)
 
 
 def _noise(passes: Passes, causes: Sequence[Cause]) -> SignalNoise:

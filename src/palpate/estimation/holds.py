@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.common.pose import Array, Pose
+from palpate.estimation.estimate import map_shared
 from palpate.estimation.grip import Droop, PutDownRecord
 from palpate.estimation.load_fit import LoadEstimate, fit_load
 from palpate.estimation.load_noise import load_rows
@@ -56,8 +57,7 @@ class ObjectHolds:
     """All holds of one object, n of them."""
 
     load: LoadEstimate  # load on the hand; each of its `grasps` is one of the holds
-    # (1 + 2n,) effect of each error of the arm's links on the load's value, by name, where known.
-    links: Mapping[str, Array]
+    by_all_motion: bool  # True if the load is that of all free motion around the holds
     holds: Sequence[Hold]  # the holds, in the order of the load's grasps
     weighings: Sequence[Weighing]  # segments to which the load was fitted
     put_down: Sequence[PutDownRecord]  # ends of the grasps in which the object was held at rest
@@ -120,9 +120,7 @@ def find_holds(trace: Trace, body: Body) -> ObjectHolds | None:
     # Without tilts, all motion around the weighings may give a more precise load.
     put_down = tuple(_put_down(trace, body.name, holds))
     better = None if tilted else _of_whole(trace, still[0], found, load, holds)
-    if better is not None:
-        return ObjectHolds(*better, holds, found, put_down)
-    return ObjectHolds(load, {}, holds, found, put_down)
+    return ObjectHolds(better or load, better is not None, holds, found, put_down)
 
 
 def _of_whole(
@@ -131,8 +129,8 @@ def _of_whole(
     found: Sequence[Weighing],
     load: LoadEstimate,
     holds: Sequence[Hold],
-) -> tuple[LoadEstimate, Mapping[str, Array]] | None:
-    """Load and `ObjectHolds.links` of level holds from all motion around their weighings.
+) -> LoadEstimate | None:
+    """Load of level holds from all motion around their weighings.
 
     Returns None unless the result is more precise and agrees with the weighings in force and moments.
     """
@@ -148,11 +146,9 @@ def _of_whole(
     apart = np.abs(value - load.value) / np.sqrt(np.diag(load.covariance))
     if apart.max() > WHOLE_APART:
         return None
-    # The effects of shared errors transform like the value.
-    links = {name: turned @ effect for name, effect in whole.links.items()}
-    gains, crosstalk = turned @ whole.gains, turned @ whole.crosstalk
-    better = replace(load, value=value, covariance=covariance, gains=gains, crosstalk=crosstalk)
-    return better, links
+    return replace(
+        load, value=value, covariance=covariance, shared=map_shared(whole.shared, turned)
+    )
 
 
 def _put_down(trace: Trace, name: str, holds: Sequence[Hold]) -> Iterator[PutDownRecord]:

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.estimation.drag_causes import KIND_BIAS
+from palpate.estimation.joint_causes import DRIFT, DRIFT_TIME, INERTIA_SHARE, UNSTEADY_SHARE
 from palpate.estimation.joint_friction import FLOOR
-from palpate.estimation.load_causes import DRIFT, DRIFT_TIME, INERTIA_SHARE, UNSTEADY_SHARE
 from palpate.estimation.load_noise import flicker
 from palpate.estimation.motion import Mask
 from palpate.estimation.segments import BINS, PAUSE, Weighing
@@ -45,20 +45,19 @@ FORCE_BIAS = 0.5
 sensitive; without a pass or rest of the empty hand it dominates the std of a mass."""
 
 
-def covariance(weighing: Weighing, maps: Array, apart: float) -> Array:
+def covariance(weighing: Weighing, maps: Array) -> Array:
     """Compute the covariance (n, n) of all rows without the load.
 
     It holds white noise, biases, inertia of the arm, and drift.
 
     Args:
         maps: (bins, signals, 6) signals per unit wrench.
-        apart: share (1 sigma) of the bias that differs between kinds of segment.
     """
     found = weighing.segments
     bins, signals = maps.shape[:2]
     variance = np.concatenate([segment.variance for segment in found])
     # Bias and drift, common to all signals in units of their scale.
-    bias = bias_covariance(weighing, apart)
+    bias = bias_covariance(weighing)
     t = np.concatenate([segment.t for segment in found])
     between = np.abs(t[:, None] - t)
     # Ornstein-Uhlenbeck process.
@@ -86,12 +85,11 @@ def _each(found: Weighing, name: str) -> Array:
     return np.concatenate([getattr(segment, name) for segment in found.segments])
 
 
-def bias_covariance(weighing: Weighing, apart: float) -> Array:
+def bias_covariance(weighing: Weighing) -> Array:
     """Compute the covariance (bins, bins), N², of the biases of one signal in units of its scale.
 
-    The biases are a constant, a function of the place on the path, inertial and viscous effects of
-    the motion, and residual stiction of rests. A share `apart` (1 sigma) of the function differs
-    between kinds of segment; for turns all of it does.
+    The biases are a constant, residual stiction of each rest, and a part of each kind of segment: a function of the
+    place on the path, and inertial and viscous effects of the motion.
     """
     found = weighing.segments
     # Kind, segment and type of each bin.
@@ -109,20 +107,12 @@ def bias_covariance(weighing: Weighing, apart: float) -> Array:
     # Function of the place: a polynomial, plus local deviations with a triangular correlation.
     powers = np.power.outer(place, np.arange(DEGREE + 1))
     near = np.maximum(0.0, 1.0 - np.abs(place[:, None] - place) * BINS / 2.0)
-    share = np.where(turning, 1.0, apart)
+    kind = KIND_BIAS**2 * (powers @ powers.T) + BIN_BIAS**2 * near
     # Effects of the speed: centrifugal by its square, viscous by the speed itself.
-    moving = CENTRIFUGAL**2 * np.outer(speed2, speed2)
-    moving += VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
-    along = KIND_BIAS**2 * (powers @ powers.T) + BIN_BIAS**2 * near
-    same = kinds[:, None] == kinds
-    # Split the bias along the path into a common part and a part of each kind.
-    common = np.sqrt(1.0 - share**2)
-    out = FORCE_BIAS**2 + np.outer(common, common) * along
-    out += (np.outer(share, share) * along + moving) * same
-    # Residual stiction of each rest.
-    rested = (apart * REST_FRICTION) ** 2
-    out += rested * np.outer(at_rest, at_rest) * (own[:, None] == own)
-    return out
+    kind += CENTRIFUGAL**2 * np.outer(speed2, speed2)
+    kind += VISCOUS**2 * np.sqrt(np.outer(speed2, speed2))
+    rests = REST_FRICTION**2 * np.outer(at_rest, at_rest) * (own[:, None] == own)
+    return FORCE_BIAS**2 + kind * (kinds[:, None] == kinds) + rests
 
 
 def _middle(path: Array) -> tuple[float, float]:
@@ -201,13 +191,8 @@ class WeighingRows:
     freedom: float  # degrees of freedom of the noise
 
 
-def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> WeighingRows:
-    """Set up the equations of a weighing.
-
-    Args:
-        apart: share (1 sigma) of the bias that differs between kinds of segment, see
-            `bias_covariance`.
-    """
+def equations(weighing: Weighing, gravity: float) -> WeighingRows:
+    """Set up the equations of a weighing."""
     found = weighing.segments
     # The weight of the load, and its inertial force under vertical acceleration.
     loaded = np.concatenate([s.loaded * (1.0 + s.acceleration / gravity) for s in found])
@@ -215,7 +200,7 @@ def equations(weighing: Weighing, gravity: float, apart: float = 1.0) -> Weighin
     path = np.concatenate([segment.path for segment in found])
     signals = int(maps.shape[1])
     # Cholesky factor of the covariance without the load.
-    root: Array = np.linalg.cholesky(covariance(weighing, maps, apart)).astype(np.float64)
+    root: Array = np.linalg.cholesky(covariance(weighing, maps)).astype(np.float64)
 
     def each(values: Iterable[float]) -> Array:
         """Repeat a number of each segment in all its rows."""

@@ -6,12 +6,19 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.common.pose import Array
-from palpate.estimation.estimate import FitTest, chi_squared
+from palpate.estimation.estimate import FitTest, Shared, chi_squared
+from palpate.estimation.joint_causes import (
+    GAINS_OFF,
+    LEFT_SHARES,
+    LOAD_PRIOR,
+    TILT,
+    crosstalk_cause,
+    crosstalk_columns,
+    gain_cause,
+)
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
-from palpate.estimation.load_causes import GAINS_OFF, LEFT_SHARES, LOAD_PRIOR, TILT
 from palpate.estimation.load_equations import (
     FORCE_Z,
     LEANING,
@@ -33,13 +40,7 @@ from palpate.estimation.regression import (
     whitened_model,
 )
 from palpate.estimation.segments import Weighing
-from palpate.estimation.wrench_observation import (
-    CROSSTALK,
-    GAIN,
-    TORQUE_LEVER,
-    crosstalk,
-    gain_root,
-)
+from palpate.estimation.wrench_observation import GAIN, TORQUE_LEVER, gain_root
 from palpate.trace.recording import NominalHand
 
 PULL_SMALL = 0.05
@@ -185,13 +186,6 @@ def weighings_test(
 # Fit of the load on the hand.
 
 
-KINDS_APART = (1.0, 1.0 / 8.0, 1.0 / 64.0)
-"""fractions (1 sigma) of `KIND_BIAS`, `BIN_BIAS` and `REST_FRICTION` that differ between kinds of
-segment. The first is full independence; smaller ones need very strong evidence. Sensitive: mass 0.3
-σ, std ×0.9–1.0 where joint friction is small."""
-VERY_STRONG = 5.0
-"""logarithm of a Bayes factor from which evidence is very strong (Kass and Raftery, Journal of the
-American Statistical Association 90, 1995, section 3.2: 150). Not sensitive."""
 LOAD_ITERATIONS = 3
 """number of solutions after the first. They are needed as the effects of gains and tilt are in
 proportion to the load. Not sensitive."""
@@ -214,11 +208,9 @@ class LoadEstimate:
     value: Array
     covariance: Array  # (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share
     tests: tuple[FitTest, ...]  # for other forces on the load
-    # (1 + 2n, signals) effect on `value` of one standard deviation of each signal's gain. Jointly
-    # calibrated gains are split into independent causes.
-    gains: Array
-    # (1 + 2n, signals) effect on `value` of one standard deviation of each signal's cross-talk.
-    crosstalk: Array
+    shared: tuple[
+        Shared, ...
+    ]  # errors of the arm in common with other runs, with effects on `value`
     weighings: Sequence[Weighing]  # the segments that were fitted
     rows: Sequence[WeighingRows]  # their equations
     posterior: Posterior  # of all unknowns
@@ -285,14 +277,6 @@ def foreseen(weighing: Weighing, weight: float, gravity: float, hand: NominalHan
     return found
 
 
-def fit_load_without_tests(
-    weighings: Sequence[Weighing], gravity: float, hand: NominalHand
-) -> tuple[float, float]:
-    """Fit as `fit_load`, without tests of misspecification; return F and its standard deviation, N."""
-    _, found = _solve_equations(weighings, gravity, hand)
-    return float(found.mean[0]), float(np.sqrt(found.covariance[0, 0]))
-
-
 def _fit(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> LoadEstimate:
     """Fit the load and test it."""
     rows, found = _solve_equations(weighings, gravity, hand)
@@ -300,8 +284,7 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> Lo
     tests = tests_of(rows, grasps, found, hand.force_repeatability)
     count = 1 + 2 * len(grasps)
     value = found.mean[:count], found.covariance[:, :count]
-    effects = found.effects(GAIN), found.effects(CROSSTALK)
-    return LoadEstimate(grasps, *value, tests, *effects, weighings, rows, found)
+    return LoadEstimate(grasps, *value, tests, found.shared(slice(count)), weighings, rows, found)
 
 
 def _solve_equations(
@@ -309,38 +292,14 @@ def _solve_equations(
 ) -> tuple[Sequence[WeighingRows], Posterior]:
     """Set up the equations and solve for their posterior, linearised at the solution."""
     grasps = _grasps(weighings)
-    count = 1 + 2 * len(grasps)
-    # Equations for each share of the biases that the kinds of segment have of their own.
-    ways = [
-        [equations(weighing, gravity, apart) for weighing in weighings] for apart in KINDS_APART
-    ]
-    # Gains and tilt act in proportion to the load. Start from no load, choose the equations, and
-    # iterate.
-    about = fit(*load_model(ways[0], grasps, np.zeros(count), hand), 1).mean[:count]
-    rows, found = likeliest(ways, grasps, about, hand)
+    about = np.zeros(1 + 2 * len(grasps))
+    rows = [equations(weighing, gravity) for weighing in weighings]
+    # Gains and tilt act in proportion to the load: start from no load, and iterate.
+    found = fit(*load_model(rows, grasps, about, hand), len(about))
     for _ in range(LOAD_ITERATIONS):
-        found = fit(*load_model(rows, grasps, about, hand), count)
-        about = found.mean[:count]
+        about = found.mean[: len(about)]
+        found = fit(*load_model(rows, grasps, about, hand), len(about))
     return rows, found
-
-
-def likeliest(
-    ways: Sequence[Sequence[WeighingRows]], grasps: Sequence[float], about: Array, hand: NominalHand
-) -> tuple[Sequence[WeighingRows], Posterior]:
-    """Choose among equations that differ in `KINDS_APART`; return them and their posterior.
-
-    The first equations allow the most. Others are chosen only if their evidence is very strong and
-    they reduce the variance of the load.
-    """
-    found = [fit(*load_model(rows, grasps, about, hand), 1) for rows in ways]
-    evidence = [each.evidence for each in found]
-    best = int(np.argmax(evidence))
-    # Keep the first without both conditions: a bias that changes sign with the direction could pass
-    # for residual stiction of each approach.
-    apart, alike = (found[i].covariance[0, 0] for i in (0, best))
-    if evidence[best] <= evidence[0] + VERY_STRONG or alike >= apart:
-        best = 0
-    return ways[best], found[best]
 
 
 def _grasps(weighings: Sequence[Weighing]) -> tuple[float, ...]:
@@ -370,10 +329,10 @@ def load_model(
     tilted = [tilted_weight(row, grasps, about) for row in rows]
     tilt = TILT * abs(float(about[0])) + FLOOR
     # Gains and cross-talk act on the torques of the load.
-    pairs = zip(rows, vertical, strict=True)
-    torques = [(row.signal, columns @ about) for row, columns in pairs]
-    borne = [torque[:, None] * gains[signal] for signal, torque in torques]
-    crossed = [_crosstalk_of_load(hand, signal, torque, signals) for signal, torque in torques]
+    torques = [columns @ about for columns in vertical]
+    pairs = list(zip(rows, torques, strict=True))
+    borne = np.concatenate([torque[:, None] * gains[row.signal] for row, torque in pairs])
+    crossed = np.concatenate([crosstalk_columns(hand, torque, signals) for torque in torques])
     # Joint friction is a sum of independent elements; residual stiction has the force
     # repeatability.
     friction, left = (
@@ -388,14 +347,13 @@ def load_model(
         ("tilt", tilted, tilt),
         *((name, each_its_own(blocks), left) for name, blocks in stiction),
         ("joint friction", [row.dahl for row in rows], friction),
-        (GAIN, borne, 1.0),
-        (CROSSTALK, crossed, 1.0),
     ]
     # Stack the weighings of each cause.
     causes: list[Cause] = []
     for name, blocks, prior in parts:
         columns = np.concatenate(blocks)
         causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
+    causes += [gain_cause(borne), crosstalk_cause(crossed)]
     shares = LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     # Learned scales of stiction: the share of the datasheet's figure that this arm shows, and the
@@ -408,15 +366,6 @@ def load_model(
     ]
     noise = SignalNoise([row.root for row in rows], min(row.freedom for row in rows))
     return causes, noise, np.concatenate([row.observed for row in rows]), scales
-
-
-def _crosstalk_of_load(
-    hand: NominalHand, signal: NDArray[np.intp], torque: Array, signals: int
-) -> Array:
-    """Compute the cross-talk (n, signals) of the load's `torque` (n,) in rows of each `signal`
-    (n,)."""
-    read = crosstalk(hand, torque.reshape(signals, -1).T)
-    return read.T.ravel()[:, None] * np.eye(signals)[signal]
 
 
 def stiction_scales(rows: Sequence[WeighingRows]) -> Sequence[Array]:

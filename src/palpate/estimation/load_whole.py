@@ -17,16 +17,15 @@ changes with the place. It is learned from the recording and widens the result
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.coloured_residual import learn_residual, with_residual
-from palpate.estimation.load_blocks import Blocks, blocks, free_rows
-from palpate.estimation.load_causes import (
-    LINK,
+from palpate.estimation.estimate import Shared
+from palpate.estimation.joint_causes import (
     by_signal,
     free_noise,
     of_arm,
@@ -34,9 +33,10 @@ from palpate.estimation.load_causes import (
     of_turning,
     scales,
 )
+from palpate.estimation.load_blocks import Blocks, blocks, free_rows
 from palpate.estimation.load_noise import SignalLevels
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
-from palpate.estimation.wrench_observation import CROSSTALK, GAIN, WrenchObservation, observe
+from palpate.estimation.wrench_observation import WrenchObservation, observe
 from palpate.trace.samples import Trace
 
 
@@ -49,12 +49,9 @@ class WholeLoad:
     # hand, N m.
     value: Array
     covariance: Array  # (1 + 3n, 1 + 3n) of `value`
-    # (1 + 3n, m) effect on `value` of one standard deviation of each cause of the sensors' gains.
-    gains: Array
-    # (1 + 3n, m) effect on `value` of one standard deviation of each sensor's cross-talk.
-    crosstalk: Array
-    # (1 + 3n,) effect on `value` of each error of the arm's links, by name.
-    links: Mapping[str, Array]
+    shared: tuple[
+        Shared, ...
+    ]  # errors of the arm in common with other runs, with effects on `value`
     misfit: float  # mean square of the residuals, in units of the noise
     seen: Blocks  # block means that were fitted
     posterior: Posterior  # of the fit
@@ -128,15 +125,9 @@ def _fit_whole(
     # Learn the coloured residual, and solve again with it.
     left = learn_residual(found.causes, sensors, by_signal(seen.observed), seen.spans)
     found = _posterior(trace, observed, seen, with_residual(sensors, left, seen.spans), load, about)
-    # Effects of the link errors, which other runs of the arm share.
-    links: dict[str, Array] = {}
-    for cause in found.causes:
-        if cause.name.startswith(LINK):
-            links |= zip(cause.labels, found.effects(cause.name)[:count].T, strict=True)
     misfit = float(np.mean(found.residual**2))
     value, square = found.mean[:count], found.covariance[:count, :count]
-    gains, crosstalk = (found.effects(name)[:count] for name in (GAIN, CROSSTALK))
-    return WholeLoad(seen.grasps, value, square, gains, crosstalk, links, misfit, seen, found)
+    return WholeLoad(seen.grasps, value, square, found.shared(slice(count)), misfit, seen, found)
 
 
 def _posterior(

@@ -204,19 +204,19 @@ class Posterior:
         """Degrees of freedom of the noise."""
         return self.noise.freedom
 
-    def shared(self, name: str) -> tuple[Shared, ...]:
-        """List the errors of the unknowns of `name` that other runs share.
+    def shared(self, of: str | slice) -> tuple[Shared, ...]:
+        """List the errors of the unknowns `of` a cause, or of a slice of them, that other runs share.
 
         They are the effects of one standard deviation of each unknown of the arm or the scene.
         """
-        places = place_unknowns(self.causes)
+        rows = place_unknowns(self.causes)[of] if isinstance(of, str) else of
         found: list[Shared] = []
         for cause in self.causes:
             if cause.of is None:
                 continue
             numbered = tuple(f"{cause.name} {i + 1}" for i in range(len(cause.prior)))
             labels = cause.labels or numbered
-            effects = self.effects(cause.name)[places[name]].T.tolist()
+            effects = self.effects(cause.name)[rows].T.tolist()
             for label, effect in zip(labels, effects, strict=True):
                 found.append(Shared(label, cause.of, tuple(effect)))
         return tuple(found)

@@ -21,9 +21,9 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose
 from palpate.estimation.coloured_residual import ColouredResidual, Spans
+from palpate.estimation.joint_causes import of_empty_hand
 from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load_blocks import CLEARANCE, joint_travel, rows_in_free_air
-from palpate.estimation.load_causes import of_empty_hand
 from palpate.estimation.load_noise import (
     LoadRows,
     Rows,
@@ -253,11 +253,6 @@ class Weighing:
     def grasps(self) -> Sequence[float]:
         """Times (s) of the grasps in which the load was weighed."""
         return sorted({segment.grasp for segment in self.segments if segment.loaded})
-
-    def select(self, at_rest: bool) -> Weighing:
-        """Keep the rests or the passes only."""
-        kept = [segment for segment in self.segments if segment.at_rest == at_rest]
-        return replace(self, segments=kept)
 
 
 @once

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -16,10 +16,11 @@ from palpate.estimation.estimate import (
     FurtherValue,
     Shared,
     constant,
+    map_shared,
     unit_slopes,
 )
+from palpate.estimation.joint_causes import LOAD_PRIOR, by_signal, of_load
 from palpate.estimation.load_blocks import CLEARANCE, Blocks
-from palpate.estimation.load_causes import LOAD_PRIOR, by_signal, of_load
 from palpate.estimation.load_equations import (
     FORCE_BIAS,
     FORCE_Z,
@@ -28,7 +29,7 @@ from palpate.estimation.load_equations import (
     each_its_own,
     in_each,
 )
-from palpate.estimation.load_fit import LoadEstimate, fit_load, fit_load_without_tests, foreseen
+from palpate.estimation.load_fit import LoadEstimate, fit_load, foreseen
 from palpate.estimation.load_noise import SignalLevels, load_rows
 from palpate.estimation.load_whole import WholeLoad, fit_whole
 from palpate.estimation.motion import Mask
@@ -106,10 +107,7 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
     force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
     # Errors that other measurements of the arm share, per g.
     made = load if whole is None else whole
-    shared = shared_sensors(made.gains[:1] / trace.gravity, made.crosstalk[:1] / trace.gravity)
-    if whole is not None:
-        links = {name: effect[:1] / trace.gravity for name, effect in whole.links.items()}
-        shared += shared_links(links)
+    shared = map_shared(made.shared, np.eye(1, len(made.value)) / trace.gravity)
     mass, std = force / trace.gravity, std / trace.gravity
     freedom = load.freedom if whole is None else whole.posterior.freedom
     # Without a reference the bias of the arm keeps its prior.
@@ -132,26 +130,6 @@ def whole_of(
         return None
     apart = abs(whole.force - load.force)
     return whole if apart < WHOLE_APART * load.force_std else None
-
-
-def shared_sensors(gains: Array, crosstalk: Array) -> tuple[Shared, ...]:
-    """List the shared errors of the joint sensors' gains and cross-talk, common to all measurements
-    of an arm.
-
-    Args:
-        gains: (n, joints) effects of one standard deviation of each gain.
-        crosstalk: (n, joints) the same of each sensor's cross-talk.
-    """
-    found: list[Shared] = []
-    for name, effects in (("gain of", gains), ("cross-talk in", crosstalk)):
-        for i, effect in enumerate(effects.T.tolist()):
-            found.append(Shared(f"{name} joint {i + 1}", "arm", tuple(effect)))
-    return tuple(found)
-
-
-def shared_links(links: Mapping[str, Array]) -> tuple[Shared, ...]:
-    """List the shared errors of the link model, by name, common to all measurements of an arm."""
-    return tuple(Shared(name, "arm", tuple(effect.tolist())) for name, effect in links.items())
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
@@ -177,18 +155,6 @@ def single_shot(trace: Trace, recording: Recording) -> FurtherValue:
     shown = 1.4826 * float(np.median(empty)) if len(empty) else 0.0
     std = float(np.hypot(force.std(), max(shown, FORCE_BIAS)))
     return FurtherValue(float(force.mean()) / trace.gravity, std / trace.gravity, "kg")
-
-
-def estimate_parts_alone(trace: Trace, found: Sequence[Weighing]) -> Mapping[str, FurtherValue]:
-    """Estimate the mass from rests alone and passes alone, kg, where they have a reference."""
-    parts: dict[str, FurtherValue] = {}
-    for name, at_rest in (("rests", True), ("passes", False)):
-        group = [weighing.select(at_rest) for weighing in found]
-        group = [weighing for weighing in group if has_reference(weighing.segments)]
-        if group:
-            force, std = fit_load_without_tests(group, trace.gravity, trace.hand)
-            parts[name] = FurtherValue(force / trace.gravity, std / trace.gravity, "kg")
-    return parts
 
 
 def weighing_view(load: LoadEstimate, gravity: float) -> FitView:

@@ -218,4 +218,4 @@ def com_method(found: ObjectHolds, blind: Sequence[bool], body: Body) -> str:
     axes = " and ".join(axis for axis, unseen in zip("xyz", blind, strict=True) if unseen)
     if axes:
         method += f"; {axes} lies along gravity in every grasp and keeps the geometric centre (prior-dominated)"
-    return method + "." + WHOLE * bool(found.links)
+    return method + "." + WHOLE * found.by_all_motion

@@ -10,7 +10,7 @@ import numpy as np
 
 from palpate.common.parameter import Parameter
 from palpate.estimation.breakaway import static_friction
-from palpate.estimation.drag_causes import AXES, HELD, PLACES, SPEED, WAYS
+from palpate.estimation.drag_causes import AXES, HOLDS, LEAN, PLACES, SPEED
 from palpate.estimation.drags import ROUGH, Drag, steady_drags
 from palpate.estimation.estimate import (
     AS_WIDE,
@@ -20,8 +20,7 @@ from palpate.estimation.estimate import (
     chi_squared,
     not_identified,
 )
-from palpate.estimation.friction_fit import Sliding, fit_sliding
-from palpate.estimation.friction_whole import fit_whole
+from palpate.estimation.friction_fit import Sliding, fit_sliding, fit_whole
 from palpate.estimation.load_equations import FORCE_BIAS
 from palpate.estimation.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.estimation.weighing import WHOLE_APART, hangs_free
@@ -237,15 +236,15 @@ def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]
     rows = sum(int(drag.swung_out.sum()) for drag in drags)
     value, std = found.friction
 
-    def test_equal_friction(columns: slice, name: str, where: str) -> FitTest:
+    def test_equal_friction(cause: str, name: str, where: str) -> FitTest:
         """Test for equal friction in two subsets; a few per cent of difference are tolerated."""
         small = ALIKE_FRICTION * value
-        seen = found.difference(columns, FRICTION_RANGE, small)
+        seen = found.difference(cause, FRICTION_RANGE, small)
         finding = f"Friction differs by {2 * seen.size:.2g} {where}."
         return chi_squared(name, seen.statistic, seen.freedom, finding)
 
     # Tangential force that does not grow with the normal force.
-    constant = found.difference(HELD, HELD_RANGE, FORCE_BIAS)
+    constant = found.difference(HOLDS, HELD_RANGE, FORCE_BIAS)
     return (
         chi_squared(
             "one coefficient everywhere",
@@ -258,7 +257,7 @@ def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]
             AXES, "one axis against the other", "between axes, or it slips in the fingers"
         ),
         test_equal_friction(
-            WAYS, "one way against the other", "from one way to the other, or something pulls"
+            LEAN, "one way against the other", "from one way to the other, or something pulls"
         ),
         test_equal_friction(PLACES, "one place against the others", "along the way"),
         test_equal_friction(SPEED, "slow against fast", "where it slides twice as fast"),

@@ -21,7 +21,7 @@ from palpate.estimation.quantities.quantity import (
     Values,
 )
 from palpate.estimation.segments import PASS_SPEED, Segment, has_reference, weighing
-from palpate.estimation.weighing import Lift, estimate_parts_alone, single_shot, weigh
+from palpate.estimation.weighing import Lift, single_shot, weigh
 from palpate.estimation.wrench_observation import observation_of_torques
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.contacts import tied_to
@@ -173,8 +173,7 @@ def predicted_lift(site: Site, trace: Trace | None) -> Lift:
 def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Vertical force of the load over g, in contrast to the same rests and passes without the object.
 
-    `parts` holds the mean of F_z/g of the recording alone as `single-shot`, and the estimates from rests alone and
-    from passes alone (`rests`, `passes`).
+    `parts` holds the mean of F_z/g of the recording alone as `single-shot`.
 
     Raises:
         ValueError: The recording holds no samples or no held object.
@@ -195,11 +194,8 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
     recording = trace.converted(parameter)
     if recording is None:
         return not_measured(parameter, UNIT)
-    # Contrast of loaded and empty segments; simpler estimates are further results.
+    # Contrast of loaded and empty segments; the paper's estimate is a further result.
     weight = weigh(trace, recording, by_all_motion)
-    parts = {"single-shot": single_shot(trace, recording)}
-    if by_all_motion:
-        parts |= estimate_parts_alone(trace, weight.weighings)
     method = contrast_method(weight.segments)
     if weight.whole is not None:
         method += WHOLE
@@ -210,7 +206,7 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
         weight.std,
         method,
         evidence=(recording,),
-        parts=parts,
+        parts={"single-shot": single_shot(trace, recording)},
         tests=weight.tests,
         shared=weight.shared,
         freedom=weight.freedom,

@@ -7,7 +7,6 @@ and residual stiction.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
 
 import numpy as np
 
@@ -29,6 +28,7 @@ from palpate.estimation.wrench_observation import (
     gain_root,
     observe,
 )
+from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Trace, once
 
 DRIFT = 0.033
@@ -96,6 +96,26 @@ def cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
     )
 
 
+def gain_cause(columns: Array) -> Cause:
+    """Build the gains of the sensors; `columns` (n, m) are their effects, one standard deviation each."""
+    count = int(columns.shape[1])
+    labels = tuple(f"gain of joint {i + 1}" for i in range(count))
+    return Cause(GAIN, columns, np.ones(count), "arm", labels)
+
+
+def crosstalk_cause(columns: Array) -> Cause:
+    """Build the cross-talk of the sensors; `columns` (n, m) are its effects, one standard deviation each."""
+    count = int(columns.shape[1])
+    labels = tuple(f"cross-talk in joint {i + 1}" for i in range(count))
+    return Cause(CROSSTALK, columns, np.ones(count), "arm", labels)
+
+
+def crosstalk_columns(hand: NominalHand, torque: Array, signals: int) -> Array:
+    """Compute the cross-talk (n, signals) of torques (n,), ordered by signal, in each signal."""
+    read = crosstalk(hand, torque.reshape(signals, -1).T)
+    return read.T.ravel()[:, None] * np.repeat(np.eye(signals), len(read), axis=0)
+
+
 def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     """Yield the weight of the load, and its lever in each grasp.
 
@@ -159,13 +179,9 @@ def of_arm(
     # Gains scale the torques of links and load; the zero absorbs their constant part.
     shown = by_signal(weight - weight[0]) + borne
     gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
-    labels = tuple(f"gain of joint {i + 1}" for i in range(signals))
-    yield Cause(GAIN, gains, np.ones(signals), "arm", labels)
+    yield gain_cause(gains)
     # Cross-talk of the load alone: that of the links' weight acts as an error in their masses.
-    read = crosstalk(hand, borne.reshape(signals, -1).T)
-    each = [read * joint for joint in np.eye(signals)]
-    labels = tuple(f"cross-talk in joint {i + 1}" for i in range(signals))
-    yield replace(cause(CROSSTALK, each, 1.0), of="arm", labels=labels)
+    yield crosstalk_cause(crosstalk_columns(hand, borne, signals))
 
 
 def scales(causes: Sequence[Cause]) -> list[PriorScale]:

@@ -9,8 +9,7 @@ import pytest
 
 from bench.bounds.loads import of_friction
 from palpate.estimation.drags import steady_drags
-from palpate.estimation.friction_fit import TangentialForces, fit_sliding
-from palpate.estimation.friction_whole import fit_whole
+from palpate.estimation.friction_fit import fit_sliding, fit_whole
 from palpate.estimation.joint_friction import dahl
 from palpate.estimation.wrench_observation import observe
 from palpate.robots.simulated.noise.model import NoiseModel
@@ -24,15 +23,6 @@ TRUTH, MASS = 0.34, 0.32
 def run():
     settings = scenario("friction").settings(noise="lab", seed=501).check_values()
     return pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
-
-
-def test_forces_as_the_joints_friction_is_known_to_make_them_tell_nothing_else():
-    """Whatever the share of each unknown, the posterior's means are those before."""
-    random = np.random.default_rng(0)
-    design, expected = random.normal(size=(20, 4)), np.array([0.3, 0.0, 0.5, -0.2])
-    forces = TangentialForces(design @ expected, design, np.full(20, 0.01), 0.1 * np.eye(20))
-    found = forces.given(expected, np.array([0.5, 1.0, 0.01, 0.1]))
-    assert found.mean == pytest.approx(expected, abs=1e-9)
 
 
 def fitted(trace):
