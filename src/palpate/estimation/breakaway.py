@@ -11,8 +11,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cache
-from math import erfc, sqrt
 
 import numpy as np
 
@@ -217,6 +215,8 @@ def rise_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
 
     The last quotient is a whole step or half a step below the value.
     """
+    from scipy.special import ndtr
+
     # Distance of each row below the value, in steps of the rise and in standard deviations.
     whole = np.arange(len(ratio), 0.0, -1.0)
     short = (values - ratio[:, None]) / noise[:, None]
@@ -228,23 +228,10 @@ def rise_likelihood(ratio: Array, noise: Array, values: Array) -> Array:
         known = 1.0 + steep * float(ahead @ ahead)
         slope = steep / known * (ahead @ short)
         square = (short**2).sum(axis=0) - slope * (ahead @ short)
-        upwards = 2.0 * _below(slope / np.sqrt(steep / known))
+        upwards = 2.0 * ndtr(slope / np.sqrt(steep / known))
         each.append(np.log(np.maximum(upwards, FLOOR)) - 0.5 * (square + np.log(known)))
     likely: Array = np.logaddexp.reduce(each) - np.log(len(each))
     return likely - np.log(noise * np.sqrt(2.0 * np.pi)).sum()
-
-
-def _below(z: Array) -> Array:
-    """Standard normal distribution function at `z`, interpolated from a table."""
-    found: Array = np.interp(z, *_table())
-    return found
-
-
-@cache
-def _table() -> tuple[Array, Array]:
-    """Abscissae (n,) and the standard normal distribution function at each."""
-    at = np.linspace(-9.0, 9.0, 181)
-    return at, np.array([0.5 * erfc(-x / sqrt(2.0)) for x in at.tolist()])
 
 
 def log_normal_density(off: Array, noise: Array) -> Array:

@@ -15,7 +15,7 @@ residual of the arm in the joint fit.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -41,7 +41,16 @@ from palpate.estimation.drag_causes import (
     usual_speed,
 )
 from palpate.estimation.drags import Drag
-from palpate.estimation.estimate import KNOWN, FitView, Shared, constant, round_to_std, unit_slopes
+from palpate.estimation.estimate import (
+    KNOWN,
+    FitTest,
+    FitView,
+    Shared,
+    chi_squared,
+    constant,
+    round_to_std,
+    unit_slopes,
+)
 from palpate.estimation.joint_causes import (
     by_signal,
     cause,
@@ -73,18 +82,6 @@ CORRELATED_BLOCKS = 3.0
 """Number of neighbouring blocks that share one model error of a drag. Sensitive: friction std ×0.8–1.3."""
 SLIDING_NOISE = 1e-3
 """N. Smallest noise of a block. Sensitive: no."""
-
-
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """Wald test of a group of unknowns.
-
-    `size` is their norm. `statistic` is χ² distributed with `freedom` degrees of freedom if they are zero.
-    """
-
-    size: float
-    statistic: float
-    freedom: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -211,15 +208,17 @@ class Sliding:
         """Effects (n, p) of the unknowns on the rows of a drag, without the object's friction."""
         return np.column_stack([np.zeros(len(self.rows[drag])), self.rows[drag][:, 1:]])
 
-    def difference(self, name: str, likely: float, small: float) -> Difference:
-        """Test whether the unknowns of a cause, of prior size `likely`, exceed the tolerance `small` (1 sigma each).
+    def test(
+        self, cause: str, likely: float, small: float, title: str, finding: Callable[[float], str]
+    ) -> FitTest:
+        """Test whether the unknowns of a `cause`, of prior size `likely`, exceed the tolerance `small` (1 sigma each).
 
-        All other friction is assumed uniform in this test.
+        It is a Wald test, in which all other friction is uniform. The `finding` is a function of their norm.
         """
         prior = self.posterior.model.prior.copy()
         for other in UNEVEN:
             prior[self.place(other)] = 0.0
-        here = self.place(name)
+        here = self.place(cause)
         prior[here] = likely
         model = replace(self.posterior.model, prior=prior, hyperpriors=())
         every, covariances, *_ = model.solve()
@@ -227,7 +226,7 @@ class Sliding:
         # Wald statistic; the tolerance widens the posterior.
         spread = covariance + small**2 * np.eye(len(mean))
         statistic = float(mean @ np.linalg.solve(spread, mean))
-        return Difference(float(np.linalg.norm(mean)), statistic, len(mean))
+        return chi_squared(title, statistic, len(mean), finding(float(np.linalg.norm(mean))))
 
 
 def friction_variation(posterior: Posterior) -> float:

@@ -124,21 +124,15 @@ def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     """
     yield cause(WEIGHT, [seen.torques(pull)], LOAD_PRIOR)
     for i, grasp in enumerate(seen.grasps):
-        # Lever along each axis of the hand: its moment, and the inertial force as the hand turns.
+        # First moment along each axis of the hand.
         here = (seen.grasp == grasp)[:, None]
-        columns: list[Array] = []
-        for axis in range(3):
-            lever = seen.tool[:, :, axis] * here
-            moment: Array = np.cross(lever, seen.pull).astype(np.float64)
-            held = seen.torques(np.einsum("kij,kj->ki", seen.swung, lever))
-            columns.append(seen.turned(moment) + held)
-        yield cause(f"{LEVER} {i + 1}", columns, LOAD_PRIOR)
+        levers = [here * lever for lever in seen.held[:, :, :3].transpose(2, 0, 1)]
+        yield cause(f"{LEVER} {i + 1}", levers, LOAD_PRIOR)
 
 
 def of_turning(seen: Blocks) -> Cause:
     """Build the inertia of the load about the TCP, in the axes of the hand."""
-    columns = [seen.turned(moment) for moment in seen.turning.transpose(2, 0, 1)]
-    return cause("inertia of the load", columns, LOAD_INERTIA)
+    return cause("inertia of the load", [*seen.held[:, :, 3:].transpose(2, 0, 1)], LOAD_INERTIA)
 
 
 def of_arm(

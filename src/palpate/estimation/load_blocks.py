@@ -21,7 +21,7 @@ from palpate.estimation.motion import (
     runs,
     smoothed_with_rate,
 )
-from palpate.estimation.rigid_bodies import wrench_columns
+from palpate.estimation.rigid_bodies import wrenches_of_load
 from palpate.estimation.wrench_observation import FOLLOWED, WrenchObservation
 from palpate.trace.recording import RECORDED
 from palpate.trace.samples import Samples, Trace, once
@@ -73,15 +73,11 @@ class Blocks:
     observed: Array  # (k, m) N m, without the torque that moves the arm's links
     moved: Array  # (k, m) N m, that torque
     maps: Array  # (k, m, 6) see `WrenchObservation.maps`
-    tool: Array  # (k, 3, 3) the hand's axes in the world
     acceleration: Array  # (k, 3) m/s² of the TCP
     pull: Array  # (k, 3) upward force of the load per unit of its weight; 0 where it does not hang
-    # (k, 3, 3) 1/m, further force per unit of weight and metre of lever from the TCP, as the hand
-    # turns.
-    swung: Array
-    # (k, 3, 6) N m, world, inertial moment per kg m² of an inertia in the axes of the hand, xx yy
-    # zz xy xz yz; 0 where the load does not hang.
-    turning: Array
+    # (k, m, 9) joint torques of the load: per N m of first moment of its weight, and where it hangs
+    # per kg m² of inertia xx yy zz xy xz yz, about the TCP in the axes of the hand.
+    held: Array
     grasp: Array  # (k,) s, of the load
     dahl: Array  # (k, m, 2 e) see `joint_friction.slip_states`
     resting: Array  # (k, rests) 1 where the arm is at a rest
@@ -89,10 +85,6 @@ class Blocks:
     def torques(self, force: Array) -> Array:
         """Map forces (k, 3), N, at the TCP to joint torques (k, m), N m."""
         return np.einsum("kji,ki->kj", self.maps[:, :, :3], force)
-
-    def turned(self, moment: Array) -> Array:
-        """Map moments (k, 3), N m, to joint torques (k, m), N m."""
-        return np.einsum("kji,ki->kj", self.maps[:, :, 3:], moment)
 
     @property
     def spans(self) -> Spans:
@@ -150,15 +142,13 @@ def blocks(
         here = np.zeros(len(t))
         here[rest] = 1.0
         resting.append(mean(here) > 0.0)
-    # Inertial force of a lever r as the hand turns: ω × (ω × r) + α × r.
-    turn, change = smoothed_with_rate(samples.twist[:, 3:], t, over)
-    rate, spin = mean(turn), mean(change)
-    swung = np.einsum("ki,kj->kij", rate, rate) - (rate**2).sum(axis=1)[:, None, None] * np.eye(3)
-    swung = swung + np.cross(spin[:, None, :], np.eye(3)).swapaxes(1, 2)
-    # Inertial moment of an inertia in the axes of the hand.
+    # Torques of the load by its first moment and inertia, as the hand accelerates and turns.
+    maps, mean_pull = observed.maps(q), mean(pull)
+    turn, change = (mean(one) for one in smoothed_with_rate(samples.twist[:, 3:], t, over))
     tool = rotations(samples.pose_world_tcp[middle, 3:])
-    own = (np.einsum("kji,kj->ki", tool, one) for one in (np.zeros_like(rate), rate, spin))
-    turning = tool @ wrench_columns(*own)[:, 3:, 4:]
+    unit = wrenches_of_load(tool, mean_pull, turn, change)[:, :, 1:]
+    unit[:, :3, :3] /= trace.gravity
+    unit[:, :, 3:] *= mean(hangs.astype(float))[:, None, None]
     return Blocks(
         rows=count.astype(float),
         t=mean(t),
@@ -167,12 +157,10 @@ def blocks(
         path=mean(joint_travel(samples)),
         observed=mean(net),
         moved=mean(motion),
-        maps=observed.maps(q),
-        tool=tool,
+        maps=maps,
         acceleration=mean(gaining),
-        pull=mean(pull),
-        swung=swung / trace.gravity,
-        turning=mean(hangs.astype(float))[:, None, None] * turning,
+        pull=mean_pull,
+        held=maps @ unit,
         grasp=np.array(grasp),
         dahl=mean(slip_states(samples)),
         resting=np.array(resting, dtype=float).reshape(-1, len(groups)).T,

@@ -90,6 +90,17 @@ def wrench_columns(pulled: Array, turn: Array, spun: Array) -> Array:
     return found
 
 
+def wrenches_of_load(axes: Array, pulled: Array, turn: Array, spun: Array) -> Array:
+    """Compute the wrench regressor (n, 6, 10) as `wrench_columns`, with vectors and wrench in world axes.
+
+    Args:
+        axes: (n, 3, 3) axes of the body in the world.
+    """
+    local = (np.einsum("nji,nj->ni", axes, each) for each in (pulled, turn, spun))
+    columns = wrench_columns(*local)
+    return np.concatenate([axes @ columns[:, :3], axes @ columns[:, 3:]], axis=1)
+
+
 def body_wrench(own: Array, pulled: Array, turn: Array, spun: Array) -> tuple[Array, Array]:
     """Compute force and moment (n, 3) about the origin of a body's frame with parameters `own`
     (10,).

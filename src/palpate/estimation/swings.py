@@ -33,7 +33,8 @@ from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.descent import gear_waves
 from palpate.estimation.joint_friction import TURNED, dahl_states
 from palpate.estimation.load_noise import SignalLevels
-from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs
+from palpate.estimation.motion import commanded_rows, mean_pose, runs
+from palpate.estimation.rigid_bodies import wrenches_of_load
 from palpate.estimation.segments import NEAR
 from palpate.estimation.wrench_observation import WrenchObservation, observe
 from palpate.trace.recording import Recording
@@ -66,9 +67,6 @@ RATE_STEPS = 21
 """Number of rates tried in each search. Sensitive: no."""
 
 Complex = NDArray[np.complex128]
-
-INERTIA = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
-"""Row and column of the components xx yy zz xy xz yz."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -177,7 +175,7 @@ def swing_of(
     period = 2.0 * np.pi / rate
     # The amplitude grows in the first period and decays in the last: use the periods between.
     steady = (samples.t > samples.t[0] + period) & (samples.t < samples.t[-1] - period)
-    motion = _Changes.of(samples).where(steady)
+    joints, hand = (change[steady] for change in accelerations(samples))
     angles = np.zeros(signals.shape) if observed.chain is None else samples.q
     states, angles = dahl_states(angles)[steady, :, TURNED], angles[steady]
     samples, signals = samples.where(steady), signals[steady]
@@ -198,7 +196,7 @@ def swing_of(
 
     # Torques of the links alone, waves of the gears, and the noise of an amplitude.
     t = samples.t
-    links = observed.links_motion(samples.q, samples.dq, motion.joints)
+    links = observed.links_motion(samples.q, samples.dq, joints)
     waves = [gear_waves(*joint) for joint in zip(angles.T, cycles, strict=False)]
     # Noise at the frequency of the swing over its duration: 2 s² dt for white noise, h²/f for 1/f noise.
     slow = 2.0 * np.pi * noise.flicker / (rate * float(t[-1] - t[0]))
@@ -212,31 +210,22 @@ def swing_of(
         variance=2.0 * noise.white / len(t) + slow,
         rubbing=(lock.of_signal(signals) / unit).imag,
         own=in_phase(links),
-        load=in_phase(observed.maps(samples.q) @ unit_load_wrenches(samples, motion, gravity)),
+        load=in_phase(observed.maps(samples.q) @ unit_load_wrenches(samples, hand, gravity)),
         gears=in_phase(np.dstack([np.stack(waves, axis=1), states])),
         rippled=np.array([lock.explained(*one) for one in zip(signals.T, waves, strict=True)]),
     )
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _Changes:
-    """Time derivatives of joint rates and of the TCP's twist."""
+def accelerations(samples: Samples) -> tuple[Array, Array]:
+    """Accelerations of the joints (n, m), rad/s², and of the TCP (n, 6), m/s² and rad/s², world axes.
 
-    joints: Array  # (n, m) rad/s²
-    hand: Array  # (n, 6) m/s² and rad/s² of the TCP, world axes
+    Cubic splines through the speeds have no lag or attenuation at swing frequencies.
+    """
+    from scipy.interpolate import CubicSpline
 
-    @classmethod
-    def of(cls, samples: Samples) -> _Changes:
-        """Differentiate cubic splines through the speeds, without lag or attenuation at swing frequencies."""
-        from scipy.interpolate import CubicSpline
-
-        speeds = np.hstack([samples.dq, samples.twist])
-        changes = CubicSpline(samples.t, speeds)(samples.t, 1)
-        return cls(*np.split(changes, [samples.dq.shape[1]], axis=1))
-
-    def where(self, rows: Mask) -> _Changes:
-        """Derivatives in the rows of a mask."""
-        return _Changes(self.joints[rows], self.hand[rows])
+    found = CubicSpline(samples.t, np.hstack([samples.dq, samples.twist]))(samples.t, 1)
+    joints = samples.dq.shape[1]
+    return found[:, :joints], found[:, joints:]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -299,25 +288,9 @@ def rotation_vectors(quaternions: Array, about: Pose) -> Array:
     return vectors * np.where(sines > 1e-9, np.arcsin(sines) / np.maximum(sines, 1e-9), 1.0)
 
 
-def unit_load_wrenches(samples: Samples, changes: _Changes, gravity: float) -> Array:
+def unit_load_wrenches(samples: Samples, changes: Array, gravity: float) -> Array:
     """Wrenches (n, 6, 10) about the TCP, world axes, of unit mass, first moment and inertia in tool axes."""
-    tools = rotations(samples.pose_world_tcp[:, 3:])
-    rate, turned = samples.twist[:, 3:], changes.hand[:, 3:]
-    carried = changes.hand[:, :3] + np.array([0.0, 0.0, gravity])
-    # Mass: weight and inertia at the TCP.
-    found = np.zeros((len(tools), 6, 10))
-    found[:, :3, 0] = carried
-    # First moment along each tool axis: its centripetal and tangential force, and its moment.
-    for k in range(3):
-        axis = tools[:, :, k]
-        found[:, :3, 1 + k] = np.cross(turned, axis) + np.cross(rate, np.cross(rate, axis))
-        found[:, 3:, 1 + k] = np.cross(axis, carried)
-    # Inertia: the moment I alpha + w x I w of each unit tensor.
-    for k, (i, j) in enumerate(INERTIA):
-        unit = np.zeros((3, 3))
-        unit[i, j] = unit[j, i] = 1.0
-        tensors = tools @ unit @ tools.transpose(0, 2, 1)
-        spin = np.einsum("nij,nj->ni", tensors, rate)
-        resisted = np.einsum("nij,nj->ni", tensors, turned)
-        found[:, 3:, 4 + k] = resisted + np.cross(rate, spin)
-    return found
+    pulled = changes[:, :3] + np.array([0.0, 0.0, gravity])
+    return wrenches_of_load(
+        rotations(samples.pose_world_tcp[:, 3:]), pulled, samples.twist[:, 3:], changes[:, 3:]
+    )

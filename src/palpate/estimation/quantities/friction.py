@@ -238,13 +238,14 @@ def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]
 
     def test_equal_friction(cause: str, name: str, where: str) -> FitTest:
         """Test for equal friction in two subsets; a few per cent of difference are tolerated."""
-        small = ALIKE_FRICTION * value
-        seen = found.difference(cause, FRICTION_RANGE, small)
-        finding = f"Friction differs by {2 * seen.size:.2g} {where}."
-        return chi_squared(name, seen.statistic, seen.freedom, finding)
+        return found.test(
+            cause,
+            FRICTION_RANGE,
+            ALIKE_FRICTION * value,
+            name,
+            lambda size: f"Friction differs by {2 * size:.2g} {where}.",
+        )
 
-    # Tangential force that does not grow with the normal force.
-    constant = found.difference(HOLDS, HELD_RANGE, FORCE_BIAS)
     return (
         chi_squared(
             "one coefficient everywhere",
@@ -261,12 +262,15 @@ def friction_tests(drags: Sequence[Drag], found: Sliding) -> tuple[FitTest, ...]
         ),
         test_equal_friction(PLACES, "one place against the others", "along the way"),
         test_equal_friction(SPEED, "slow against fast", "where it slides twice as fast"),
-        chi_squared(
+        found.test(
+            HOLDS,
+            HELD_RANGE,
+            FORCE_BIAS,
             "force without pressure",
-            constant.statistic,
-            constant.freedom,
-            f"{constant.size:.2g} N of the sliding force do not grow with the normal force: something else "
-            "holds the object (a magnet, something sticky), or it slips in the fingers.",
+            lambda size: (
+                f"{size:.2g} N of the sliding force do not grow with the normal force: something else "
+                "holds the object (a magnet, something sticky), or it slips in the fingers."
+            ),
         ),
         FitTest(
             "steady sliding",
