@@ -10,6 +10,7 @@ import pytest
 
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
+from palpate.estimation.carried import fit_carried_load
 from palpate.estimation.estimate import half95
 from palpate.estimation.load_noise import SignalLevels
 from palpate.estimation.load_whole import fit_whole
@@ -52,3 +53,20 @@ def test_intervals_of_nothing_hold_nothing() -> None:
     assert np.mean(np.abs(force) < half * std) >= 0.8
     assert 0.5 < np.sqrt(np.mean((force / std) ** 2)) < 1.6
     assert np.sqrt(np.mean(std**2)) / GRAVITY < 0.025
+
+
+@pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not at hand")
+def test_friction_that_varies_within_a_turn_is_no_load() -> None:
+    """With one and two periods a turn alone, these windows showed 19 g (rms)."""
+    log, arm = recorded(), load_description("fr3")
+    found: list[tuple[float, float]] = []
+    for start in (3.7, 4.32, 4.94, 5.56):
+        carrying = Carrying("load", ((start, start + LENGTH),))
+        asked = [Parameter("load", "mass")]
+        trace = trace_of(log, carrying, asked, arm, Pose.of([0.0, 0.0, 0.0]), GRAVITY)
+        load = fit_carried_load(trace, "load")
+        assert load is not None
+        found.append((load.value[0], np.sqrt(load.covariance[0, 0])))
+    mass, std = np.array(found).T
+    assert np.sqrt(np.mean(mass**2)) < 0.014
+    assert np.all(np.abs(mass) < 1.96 * std)
