@@ -24,8 +24,8 @@ from palpate.common.pose import Array
 from palpate.estimation.balance import BELIEVED, COM_PRIOR, GRASP_SHIFT, accuracy
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.holds import pose_in_hand
-from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
 from palpate.estimation.joint_causes import LINK, TILT
+from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
 from palpate.estimation.load_equations import (
     FORCE_Z,
     SIDEWAYS,
