@@ -218,3 +218,28 @@ def test_folded_fingers_do_not_open_on_what_they_press(start, make, after) -> No
     assert "press on 'cup'" in found.message
     assert "MovePose to 'cup_top + z_offset' first" in found.message
     assert not opening.requires(after(pressing, ("MovePose", "cup_top")))
+
+
+@pytest.mark.parametrize(
+    ("stiffness", "size", "reason"),
+    [
+        (2000, 0.03, None),
+        (40, 0.03, "the object"),
+        (2000, 0.026, "instead of the expected 60.0 mm"),
+    ],
+    ids=["sponge", "cotton", "narrow sponge"],
+)
+def test_a_soft_object_is_recognised_by_its_width_without_a_force(stiffness, size, reason) -> None:
+    """Two forces tell the width without any; the full force compresses it as a spring."""
+    soft = f'solref="-{stiffness} -20" priority="2" friction="1"'
+    text = CAN.replace('type="cylinder" size=".031 .06"', 'type="box" size=".04 {half} .03"')
+    text = text.replace('friction="0.6 0.005 0.0001"/></body>\n</world', "{soft}/></body>\n</world")
+    believed, world = (
+        parse_scene(text.format(x=0.5, z=0.03, table=-0.03, half=half, soft=soft))
+        for half in (0.03, size)
+    )
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, "lab", seed=1)
+    steps = ("OpenGripper", ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose"))
+    done = run(Plan((), sequence(*steps, "CloseGripper"), ""), believed, robot)
+    assert (done.stopped_by is None) == (reason is None), done.stopped_by
+    assert reason is None or reason in str(done.stopped_by)

@@ -17,6 +17,7 @@ from palpate.common.pose import Pose
 from palpate.robots.owner import load_description
 from palpate.robots.robot import RobotState
 from palpate.robots.safety import Expectation, violation
+from palpate.robots.signals import Spikes
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.robots.watched import Watched
 from palpate.trace.samples import Samples
@@ -214,3 +215,15 @@ def test_samples_before_the_watch_began_stay_evidence() -> None:
 def biased(force: float) -> dict[str, Any]:
     """A force of so many N in every state."""
     return every(lambda now: replace(now, contact=now.contact + np.array([0, force, 0, 0, 0, 0])))
+
+
+@pytest.mark.parametrize(("size", "is_fault"), [(3.0, False), (5.0, True)])
+def test_a_contact_that_sticks_and_slips_is_no_spike(size: float, is_fault: bool) -> None:
+    """A rubbing moment of 3 N m swings to its negative; one of 3 N m does not leap by 8 N m."""
+    robot = arm()
+    spikes, found = Spikes(robot.limits), []
+    for tick in range(60):
+        moment = -size if tick > 5 and tick % 3 == 0 else 3.0
+        contact = np.array([20.0, 0.0, -20.0, moment, 0.0, 0.0])
+        found.append(spikes.follow(replace(robot.state, t=0.02 * tick, contact=contact)))
+    assert any(found) == is_fault

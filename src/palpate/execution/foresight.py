@@ -83,7 +83,7 @@ class Foresight:
             return None
         # By the width: another object, or another grasp of the same one.
         width, body = blackboard.robot.state.width, blackboard.scene.body(name)
-        doubt = 2.0 * (body.accuracy or 0.0) if body.seen else 0.0
+        doubt = load.gives + (2.0 * (body.accuracy or 0.0) if body.seen else 0.0)
         if abs(width - rehearsed) > OTHER_WIDTH + doubt:
             return f"the fingers hold '{name}' at {1e3 * width:.0f} mm, and {1e3 * rehearsed:.0f} mm then"
         # By the weight, if the scene states it: outside of the rehearsed range, with margins.

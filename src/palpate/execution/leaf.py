@@ -188,7 +188,10 @@ class PrimitiveLeaf(Behaviour):
         # The reason of the predicate is more specific than that of a reflex.
         new_reflex = reflex if reflex != self._earlier else None
         if reason := self.primitive.unsafe(self.blackboard) or new_reflex:
-            raise LeafFailure(reason)
+            met = reason.startswith("unexpected contact")
+            raise LeafFailure(
+                reason + (self.primitive.contact_place(self.blackboard) if met else "")
+            )
         limit = self.primitive.timeout
         if self.blackboard.robot.state.t - self.started > limit:
             raise LeafFailure(f"not done after {limit:g} s of robot time")

@@ -184,11 +184,12 @@ class Blackboard:
         if way @ pressed > 0.5 * np.linalg.norm(way) * np.linalg.norm(pressed):
             self.pressed = (0.0, 0.0, 0.0)
 
-    def set_reflex(self, thresholds: Reflex, *way: Array) -> None:
+    def set_reflex(self, thresholds: Reflex, *way: Array, alone: bool = False) -> None:
         """Set the reflex thresholds of the robot, for a motion through joint angles `way` (7,), rad.
 
         Force and torque thresholds are at least what errors of the joint torques can imitate along the
-        way. The limits of contacts with the links are set as well.
+        way. The limits of contacts with the links are set as well. The empty hand `alone` in free air meets
+        no force, so that any sudden change of the torques is a contact.
         """
         arm, reflexes = self.scene.arm, self.robot.limits.reflexes
         # Largest force and moment that torque errors imitate at the start and along the way.
@@ -197,8 +198,7 @@ class Blackboard:
         self.mistaken = min(mistaken, reflexes.carrying.force)
         turning = min(max(mistaken_moment(arm, q) for q in places), reflexes.probing.torque)
         links = self.links
-        # The empty hand in free air meets no force, so that any sudden change is a contact.
-        if thresholds is reflexes.free and not any(self.pressed):
+        if alone and not any(self.pressed):
             links = replace(links, change=links.torque)
         self.robot.set_reflex(
             replace(
@@ -325,6 +325,10 @@ class Primitive(BaseModel):
         """Reason why the held object slips from the fingers; None while it does not."""
         grasped, state = self.expectation(blackboard.state).grasped, blackboard.robot.state
         return blackboard.load.slip(state.width) if grasped and state.gripping else None
+
+    def contact_place(self, blackboard: Blackboard) -> str:
+        """Place of a contact that stops it, as a clause; empty if it is not known."""
+        return ""
 
     def run(self, blackboard: Blackboard) -> Steps:
         """Run, yielding once a tick; return the message of SUCCESS, or raise `LeafFailure`."""

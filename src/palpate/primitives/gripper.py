@@ -40,6 +40,8 @@ YIELDS = 0.005
 # m by which the opening may be larger than believed. An object 10 mm off the middle, which one
 # finger pushes to the other, tilts this much between the pads.
 WIDER = 0.003
+SOFT = 0.0005  # m by which the opening must be smaller than believed, to test if the object is soft
+SOFTEST = 0.6  # Least opening at `GENTLE`, as a fraction of the width; the full force takes as much at most
 
 
 def finish_fingers(blackboard: Blackboard, least: float = -math.inf) -> Wait:
@@ -187,7 +189,12 @@ class CloseGripper(Primitive):
         # Close gently first, to compare the width with the believed one before the object moves.
         met = yield from self._close(blackboard, GENTLE)
         believed, doubt = _believed_width(blackboard.state)
-        if met < believed - NARROWER - doubt or met > believed + WIDER + doubt:
+        # A soft object is narrower under twice the force, and wider without any: w0 = w1 + (w1 - w2).
+        gives = 0.0
+        if believed - met > SOFT and met > SOFTEST * believed:
+            gives = max(met - (yield from self._close(blackboard, 2.0 * GENTLE)), 0.0)
+        unpressed = met + gives
+        if unpressed < believed - NARROWER - doubt or unpressed > believed + WIDER + doubt:
             yield from _open(blackboard)
             share = met / believed - 1.0
             raise LeafFailure(
@@ -195,16 +202,17 @@ class CloseGripper(Primitive):
                 f"{100 * share:+.0f} %: the object is not at its believed pose; look again"
                 f"{_picture_advice(blackboard.state)}"
             )
-        # At the full force, a large further travel shows that the object escapes.
-        width = yield from self._close(blackboard, None, met - YIELDS)
-        if met - width > YIELDS:
+        # At the full force, a larger travel than that of a linear spring shows that the object escapes.
+        most = YIELDS + gives * (blackboard.scene.arm.hand.force / GENTLE - 1.0)
+        width = yield from self._close(blackboard, None, met - most)
+        if met - width > most or width < (1.0 - SOFTEST) * believed:
             yield from _open(blackboard)
             raise LeafFailure(
                 f"the object yielded from {1e3 * met:.1f} to {1e3 * width:.1f} mm under the full force: "
                 "it is not at its believed pose; look again"
                 f"{_picture_advice(blackboard.state)}"
             )
-        blackboard.load = replace(blackboard.load, width=width)
+        blackboard.load = replace(blackboard.load, width=width, gives=met - width)
         return f"grasped at {1e3 * width:.1f} mm"
 
     def _close(

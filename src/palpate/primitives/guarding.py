@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Callable, Generator
 from dataclasses import replace
@@ -207,6 +208,9 @@ PRESSES = 1.0
 # Largest ratio of the normal force on a slide to the commanded pressing force. The arm presses
 # harder while it starts and changes its speed (21.3 N for 15 N, simulated FR3, friction 1).
 PEAK = 1.4
+# Largest ratio of a peak of 5 ms to the sustained sideways force: a rough object sticks and slips. A
+# wall adds 4 to 7 N in the 60 ms until the sustained force shows it (20 to 40 mm/s, 3000 N/m).
+STICKS = 1.5
 CONTACT_SPEED = 0.02  # m/s, speed in contact or where contact is possible
 # Fraction of the force that would turn an object between the pads which a slide may use. The margin
 # is needed since pads creep.
@@ -373,7 +377,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
     # A larger sideways force than the roughest support exerts is a collision.
     normal = PEAK * max(force for _, force, _ in PRESSED) + weight
     sideways = BREAKAWAY * ROUGHEST * normal + MET
-    blackboard.set_reflex(replace(robot.limits.reflexes.contact, sideways=sideways))
+    blackboard.set_reflex(replace(robot.limits.reflexes.contact, sideways=STICKS * sideways))
     way = target.position - start.position
     safe = max(CONTACT_SPEED, speed(PathSpan(start, target, True), blackboard.scene))
     fastest = min(safe, most)
@@ -387,7 +391,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
         down = pressed / blackboard.scene.arm.stiffness.translation
         here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
         robot.move_pose(here, min(pace, fastest))
-        wrench = yield from drag(blackboard)
+        wrench = yield from drag(blackboard, sideways)
         if share > 0.0:
             blackboard.load = blackboard.load.after_drag(wrench)
         yield from settle(blackboard, BRIEF)
@@ -396,14 +400,23 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
     yield from settle(blackboard)
 
 
-def drag(blackboard: Blackboard) -> Generator[float | None, None, Array]:
-    """Wait until the commanded motion has ended, and return the wrench (6,) right before."""
+def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, Array]:
+    """Wait until the commanded motion has ended, and return the wrench (6,) right before.
+
+    Raises:
+        LeafFailure: the median force of some ticks is more than `most` N sideways.
+    """
     filtered = WrenchFilter(blackboard.robot)
     yield
     wrench = filtered.now()
     while blackboard.robot.state.moving:
         yield
         wrench = filtered.now()
+        sideways = math.hypot(*wrench[:2])
+        if sideways > most:
+            raise LeafFailure(
+                f"unexpected contact: the slide takes {sideways:.1f} N sideways, more than {most:.0f} N"
+            )
     return wrench
 
 

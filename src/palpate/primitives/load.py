@@ -41,6 +41,7 @@ class FingerLoad:
     # (6,) external wrench right before they closed, in the convention of `palpate.trace`.
     empty: Array
     width: float = 0.0  # m between the fingers as they closed on the object
+    gives: float = 0.0  # m by which the full force compressed it
     hanging: Array | None = None  # (6,) wrench at rest with the object hanging free; None before
     moment: float | None = None  # N m about the closing direction then
     doubt: Doubt = SURELY  # standard deviations of the moment

@@ -161,6 +161,22 @@ class MovePose(Primitive):
         held = state.holding is not None
         return Expectation(holding=held, grasped=held, contact=held and not state.lifted)
 
+    def contact_place(self, blackboard: Blackboard) -> str:
+        """Distance to the goal, and the palm's height above an object that it may have met."""
+        state, here = blackboard.state, blackboard.robot.state.pose_world_tcp
+        target = self.target(state)
+        place = f", {1e3 * here.distance_to(target):.0f} mm before '{self.pose}'"
+        body = None if state.holding else state.object_at(target)
+        if body is None:
+            return place
+        room = float(here.position[2]) + state.scene.arm.hand.palm - state.top_of(body)
+        if not 0.0 < room < POSE_ERROR:
+            return place
+        return (
+            f"{place}; the palm is {1e3 * room:.0f} mm above the believed top of '{body.name}': if it is taller, "
+            "state its size or pose, or grasp it higher"
+        )
+
     def run(self, blackboard: Blackboard) -> Steps:
         target = self.target(blackboard.state)
         # A held object on its support slides, all other motions go span by span.
@@ -194,6 +210,7 @@ class MovePose(Primitive):
             blackboard.set_reflex(
                 span_reflex(robot.limits.reflexes, span, state.holding, sets_down),
                 configuration(scene.arm, scene.pose_world_base.inverse() @ span.end),
+                alone=state.holding is None and not span.guarded,
             )
             # Only guarded spans are monitored for contact tick by tick.
             if not span.guarded:
@@ -292,8 +309,9 @@ class MoveJoints(Primitive):
         # Thresholds include what torque errors imitate along the whole joint motion.
         robot, reflexes = blackboard.robot, blackboard.robot.limits.reflexes
         goal = self.target(blackboard.state)
-        thresholds = reflexes.carrying if blackboard.state.holding else reflexes.free
-        blackboard.set_reflex(thresholds, *joints_between(robot.state.q, goal))
+        alone = blackboard.state.holding is None
+        thresholds = reflexes.free if alone else reflexes.carrying
+        blackboard.set_reflex(thresholds, *joints_between(robot.state.q, goal), alone=alone)
         robot.move_joints(goal)
         yield from finish(blackboard)
         yield from settle(blackboard, BRIEF)

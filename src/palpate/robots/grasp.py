@@ -154,13 +154,15 @@ class _Scene:
         stations: Array = start + step * np.arange(count + 1, dtype=float)
         # Profile of the object: its sides at each station, and their slopes.
         low, high = profile(outlines, along, across, stations)
+        # Middle of the object's area, near its centre of mass if it is of one material.
+        middle = float(np.average(stations, weights=np.nan_to_num(high - low) + 1e-9))
         slopes = np.abs(np.gradient(low, step)), np.abs(np.gradient(high, step))
         # The pads touch the object's extremes within the width of the pads.
         window = max(int(np.ceil(hand.pad / step)), 1)
         low, high = _spread(low, window, np.fmin), _spread(high, window, np.fmax)
         fits = (slopes[0] <= SLANT) & (slopes[1] <= SLANT) & (high - low <= hand.opening - SPARE)
         # Centre the grasp on the graspable stretch.
-        at, slack = _best_station(stations, fits, (ends.max() + ends.min()) / 2)
+        at, slack = _best_station(stations, fits, middle)
         wide = float(np.interp(at, stations, high - low))
         centre = at * along + float(np.interp(at, stations, high + low)) / 2 * across
         problem = ""
@@ -251,7 +253,7 @@ def _spread(values: Array, window: int, pick: np.ufunc) -> Array:
 
 
 def _best_station(stations: Array, fits: NDArray[np.bool_], middle: float) -> tuple[float, float]:
-    """Return the middle of the graspable stretch nearest to the object's middle, and half the stretch's
+    """Return the middle of the graspable stretch nearest to the object's middle, m, and half the stretch's
     length.
     """
     if not fits.any():

@@ -34,6 +34,7 @@ SIGNALS = ("q", "dq", "tau_ext", "wrench", "pose_world_tcp", "twist", "width")
 FORCE, TORQUE = 4.0, 2.0
 # s: time constant with which the largest contact is forgotten. Stick-slip repeats within 0.1 s.
 RUBBED = 0.3
+SWINGS = 2.0  # Ratio of the change from one extreme to the other to the largest contact, as it sticks and slips
 # N, N m per rad/s of joint speed (norm): change of a contact from state to state by ripple of the
 # gears. Recordings of an FR3 in a soft loop jump by 11 N (95 %) in 20 ms at 0.6 rad/s.
 SHAKEN = 20.0, 5.0
@@ -167,8 +168,8 @@ class Spikes:
         """Compute the distance of two states' forces, relative to the change that needs no confirmation."""
         # Scale each part by its permitted change: largest of fixed, recent contact, and ripple at this speed.
         speed, force = norm(state.dq), np.abs(state.contact - other.contact)
-        force[:3] /= max(FORCE, self._pressed, SHAKEN[0] * speed)
-        force[3:] /= max(TORQUE, self._twisted, SHAKEN[1] * speed)
+        force[:3] /= max(FORCE, SWINGS * self._pressed, SHAKEN[0] * speed)
+        force[3:] /= max(TORQUE, SWINGS * self._twisted, SHAKEN[1] * speed)
         torque = np.abs(state.tau - other.tau) / self._scale
         return float(np.concatenate([force, torque]).max())  # NaN if any signal is NaN
 
