@@ -1,5 +1,6 @@
 import ast
 import importlib
+from hashlib import sha256
 from pathlib import Path
 from types import ModuleType
 from typing import ClassVar
@@ -9,6 +10,7 @@ from literal import Reader
 from rs_bpe.bpe import openai
 
 import palpate
+import palpate as pp
 from palpate.common.errors import InputError
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.perception import annotate
@@ -40,7 +42,7 @@ from palpate.primitives import state as violation
 from palpate.primitives.base import Primitive
 from palpate.primitives.registry import load_vocabulary, vocabulary
 from palpate.primitives.rules import collision, grasp, motion, profile, support
-from palpate.robots.owner import load_description
+from palpate.robots.owner import arms, load_description
 from palpate.scene import places
 from palpate.scene.load import load_scene, parse_scene
 from palpate.scene.picture_scene import SceneBuilder
@@ -421,3 +423,17 @@ def test_the_examples_show_the_form_on_what_no_scenario_asks_and_pass_the_check(
     assert {"Sequence", "Parallel"} < {node.type for _, node in plan.tree.walk()}
     question = read_answer(second).plan
     assert (check(question, scene), question.outcome) == ((), "ambiguous")
+
+
+def test_the_system_prompt_and_the_plan_are_the_same_for_all_arms() -> None:
+    """Byte by byte; only the task's section about the robot names the arm."""
+    hashes: dict[str, str] = {}
+    trees: dict[str, str] = {}
+    for name in arms():
+        scene = pp.load(scenario("bottle_and_table").folder / "scene.xml", arm=name)
+        prompt = compose(vocabulary(), "weigh the bottle", scene)
+        hashes[name] = sha256(prompt.system.encode()).hexdigest()
+        trees[name] = str(scene.plan(measure=["bottle.mass", "table.height"]).tree)
+    assert len(hashes) >= 3
+    assert set(hashes.values()) == {sha256(system_prompt(vocabulary()).encode()).hexdigest()}
+    assert trees["fr3-ft"] == trees["fr3"]

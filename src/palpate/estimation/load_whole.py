@@ -18,13 +18,13 @@ changes with the place. It is learned from the recording and widens the result
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.coloured_residual import learn_residual, with_residual
-from palpate.estimation.estimate import Shared
+from palpate.estimation.estimate import Shared, map_shared
 from palpate.estimation.joint_causes import (
     by_signal,
     free_noise,
@@ -36,6 +36,7 @@ from palpate.estimation.joint_causes import (
 from palpate.estimation.load_blocks import Blocks, blocks, free_rows
 from palpate.estimation.load_noise import SignalLevels
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
+from palpate.estimation.sensed_load import SensedGrasps, fit_sensed_grasps
 from palpate.estimation.wrench_observation import WrenchObservation, observe
 from palpate.trace.samples import Trace
 
@@ -107,7 +108,29 @@ def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) 
         if free := free_rows(trace, name, surely):
             seen = blocks(trace, observed, name, free, surely)
             found.append(_fit_whole(trace, observed, seen, noise, about_force))
-    return min(found, key=lambda whole: whole.std, default=None)
+    best = min(found, key=lambda whole: whole.std, default=None)
+    sensed = None if best is None else fit_sensed_grasps(trace, name)
+    return best if best is None or sensed is None else _with_sensor(best, sensed)
+
+
+def _with_sensor(whole: WholeLoad, sensed: SensedGrasps) -> WholeLoad:
+    """Combine the load by the joint torques with that by a six-axis sensor.
+
+    Both sets of rows have only the load in common. Their joint posterior is the product of both normal densities.
+    """
+    if len(whole.value) != len(sensed.value):
+        return whole
+    # Weight of the sensor's result, in the form of a Kalman gain.
+    both = whole.covariance + sensed.covariance
+    gain = np.linalg.solve(both, whole.covariance).T
+    rest = np.eye(len(gain)) - gain
+    own = Shared("gain of the wrench sensor", "arm", tuple((gain @ sensed.gain).tolist()))
+    return replace(
+        whole,
+        value=whole.value + gain @ (sensed.value - whole.value),
+        covariance=rest @ whole.covariance,
+        shared=(*map_shared(whole.shared, rest), own),
+    )
 
 
 def _fit_whole(

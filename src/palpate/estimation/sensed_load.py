@@ -20,13 +20,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from palpate.common.pose import Array, rotations
+from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
+from palpate.estimation.load_blocks import free_rows
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
-from palpate.estimation.rigid_bodies import wrench_columns
+from palpate.estimation.rigid_bodies import PARAMETERS, wrench_columns
 from palpate.trace.recording import WrenchSensor
 from palpate.trace.samples import STANDARD_GRAVITY as GRAVITY
 from palpate.trace.samples import Samples, Trace, once
@@ -39,8 +40,6 @@ SENSED_PRIOR = (30.0, 10.0, 1.0)
 """kg, kg m and kg m² (1 sigma): wide prior of mass, first moment and inertia. Not sensitive."""
 ZERO_PRIOR = (1e3, 1e2)
 """N and N m (1 sigma): wide prior of the sensor's zeros. Not sensitive."""
-MOUNTED = 0.01
-"""rad (1 sigma): error of the sensor's orientation in its holder, half a degree. Sensitive: com std ×1.0–1.2."""
 LEAN = 3e-3
 """rad (1 sigma): tilt of the ground on which the arm stands. Hardly sensitive."""
 DELAY = 0.01
@@ -156,10 +155,29 @@ def fit_sensed_load(trace: Trace, name: str) -> SensedLoad | None:
     rows, sensor = load_rows(trace, name), trace.hand.wrench_sensor
     if not rows.loaded.any() or sensor is None:
         return None
-    seen = _blocks(trace.samples, rows.loaded, rows.empty, trace.gravity)
-    bodies = {LOAD: seen.columns * seen.hanging[:, None, None]}
+    seen = _blocks(trace.samples, sensor, rows.loaded, rows.empty, trace.gravity)
+    picks = {LOAD: seen.hanging[:, None, None] * np.eye(PARAMETERS)}
+    found, scale = _fit_bodies(seen, picks, np.repeat(SENSED_PRIOR, (1, 3, 6)), sensor)
+    value, covariance = found[LOAD]
+    return SensedLoad(value, covariance, seen, found, scale, _explain(seen), _locate(seen))
+
+
+def _fit_bodies(
+    seen: SensedBlocks, picks: dict[str, Array], prior: Array, sensor: WrenchSensor
+) -> tuple[Posterior, Array]:
+    """Fit the load and the hand below the sensor, with the sensor's zeros and errors.
+
+    Args:
+        picks: the load's ten parameters (k, 10, p) in each block, per unit of its p unknowns.
+        prior: (p,) standard deviations of these.
+
+    Returns:
+        Posterior of all causes, and the factor (6,) of the rows of each axis.
+    """
     if not seen.hanging.all():
-        bodies[HAND] = seen.columns
+        picks = {**picks, HAND: np.broadcast_to(np.eye(PARAMETERS), (len(seen.t), 10, 10))}
+    priors = {LOAD: prior, HAND: np.repeat(SENSED_PRIOR, (1, 3, 6))}
+    bodies = {name: seen.columns @ pick for name, pick in picks.items()}
     zeros = [*_zeros(seen)]
     # Scale each axis to one apparent noise, so that a single prior of the residual serves forces and moments.
     plain = np.hstack([_by_axis(one, np.ones(6)) for one in bodies.values()])
@@ -169,29 +187,22 @@ def fit_sensed_load(trace: Trace, name: str) -> SensedLoad | None:
     misfit = (y - design @ rough).reshape(6, -1)
     scale = APPARENT_NOISE / np.maximum(misfit.std(axis=1), 1e-9)
     y = _by_axis(seen.wrench, scale)
-    fixed = [_cause(one, columns, scale, SENSED_PRIOR) for one, columns in bodies.items()]
+    fixed = [Cause(one, _by_axis(rows, scale), priors[one]) for one, rows in bodies.items()]
     fixed += [_scaled(one, scale) for one in zeros]
     # Solve, linearised at the last solution; then learn the residual, and solve again with it.
     noise, about = _white_noise(seen, scale, misfit.var(axis=1)), rough[: plain.shape[1]]
     for _ in range(ITERATIONS):
-        causes = [*fixed, *_sensor_causes(seen, bodies, about, sensor, scale)]
+        causes = [*fixed, *_sensor_causes(seen, picks, about, sensor, scale)]
         about = fit(causes, noise, y, first=plain.shape[1]).mean[: plain.shape[1]]
-    causes = [*fixed, *_sensor_causes(seen, bodies, about, sensor, scale)]
+    causes = [*fixed, *_sensor_causes(seen, picks, about, sensor, scale)]
     left = learn_residual(causes, noise, y, seen.spans)
-    found = fit(causes, with_residual(noise, left, seen.spans), y)
-    value, covariance = found[LOAD]
-    return SensedLoad(value, covariance, seen, found, scale, _explain(seen), _locate(seen))
+    return fit(causes, with_residual(noise, left, seen.spans), y), scale
 
 
 def _by_axis(values: Array, scale: Array) -> Array:
     """Reorder (k, 6, …) to rows by axis, (6 k, …), in units of `scale` (6,)."""
     scaled = values * scale.reshape(6, *[1] * (values.ndim - 2))
     return scaled.swapaxes(0, 1).reshape(-1, *values.shape[2:])
-
-
-def _cause(name: str, columns: Array, scale: Array, prior: tuple[float, float, float]) -> Cause:
-    """Build the cause of a body with ten parameters."""
-    return Cause(name, _by_axis(columns, scale), np.repeat(prior, (1, 3, 6)))
 
 
 def _zeros(seen: SensedBlocks) -> Iterator[Cause]:
@@ -209,15 +220,12 @@ def _scaled(cause: Cause, scale: Array) -> Cause:
 
 
 def _sensor_causes(
-    seen: SensedBlocks, bodies: dict[str, Array], about: Array, sensor: WrenchSensor, scale: Array
+    seen: SensedBlocks, picks: dict[str, Array], about: Array, sensor: WrenchSensor, scale: Array
 ) -> Iterator[Cause]:
-    """Yield the errors of the sensor in proportion to the wrench of all bodies with parameters `about`."""
-    every = np.dstack([*bodies.values()])
-    wrench = every @ about
-    parts = np.split(about, len(bodies))
-    body = np.zeros((len(wrench), len(parts[0])))
-    for columns, part in zip(bodies.values(), parts, strict=True):
-        body += np.any(columns, axis=(1, 2), keepdims=True)[:, :, 0] * part
+    """Yield the errors of the sensor in proportion to the wrench of all bodies with unknowns `about`."""
+    # Parameters (k, 10) of all that is below the sensor in each block, and its wrench.
+    body = np.dstack([*picks.values()]) @ about
+    wrench = np.einsum("kip,kp->ki", seen.columns, body)
     # One gain of all axes, and the response of each axis to each other one.
     yield Cause(
         GAIN,
@@ -242,7 +250,7 @@ def _sensor_causes(
         ],
         axis=2,
     )
-    yield Cause("mounting", _by_axis(turned, scale), np.full(3, MOUNTED))
+    yield Cause("mounting", _by_axis(turned, scale), np.full(3, sensor.mounting))
     lean = np.stack([np.einsum("kip,kp->ki", one, body) for one in seen.leans], axis=2)
     yield Cause("lean", _by_axis(lean, scale), np.full(2, LEAN))
     late = np.einsum("kip,kp->ki", seen.changes, body)
@@ -258,7 +266,9 @@ def _white_noise(seen: SensedBlocks, scale: Array, misfit: Array) -> SignalNoise
     return SignalNoise(roots, float(seen.rows.sum()))
 
 
-def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> SensedBlocks:
+def _blocks(
+    samples: Samples, sensor: WrenchSensor, loaded: Mask, empty: Mask, gravity: float
+) -> SensedBlocks:
     """Average the rows of each block of time in which the hand is loaded or empty throughout."""
     t, used = samples.t, loaded | empty
     step = float(np.median(np.diff(t)))
@@ -269,9 +279,13 @@ def _blocks(samples: Samples, loaded: Mask, empty: Mask, gravity: float) -> Sens
     place = np.floor((t - t[0]) / length).astype(int)
     edges = np.flatnonzero(np.diff(place) | cuts[1:] | np.diff(loaded) | np.diff(used)) + 1
     groups = [rows for rows in np.split(np.arange(len(t)), edges) if used[rows[0]]]
-    pulled, turn, spun, up = _kinematics(samples, gravity, cuts)
+    # Poses of the sensor by those of the TCP.
+    mounted = Pose.of(sensor.pose_tcp_sensor[:3], sensor.pose_tcp_sensor[3:])
+    tool = rotations(samples.pose_world_tcp[:, 3:])
+    turned = tool @ mounted.rotation
+    place = samples.pose_world_tcp[:, :3] + tool @ mounted.position
+    pulled, turn, spun, up = _kinematics(t, place, turned, gravity, cuts)
     travelled = np.cumsum(np.linalg.norm(turn, axis=1) * np.gradient(t))
-    turned = rotations(samples.pose_world_tcp[:, 3:])
 
     means: list[Array] = []
     changes: list[Array] = []
@@ -317,32 +331,32 @@ def _cuts(samples: Samples) -> Mask:
     return np.append(False, angle > FASTEST * np.diff(samples.t))
 
 
-def _kinematics(samples: Samples, gravity: float, cuts: Mask) -> tuple[Array, Array, Array, Array]:
+def _kinematics(
+    t: Array, place: Array, turned: Array, gravity: float, cuts: Mask
+) -> tuple[Array, Array, Array, Array]:
     """Compute acceleration less gravity, angular velocity and acceleration, and the direction against gravity.
 
     All (n, 3), in the axes of the sensor. The poses are differentiated in each part between `cuts`.
     """
-    n = len(samples.t)
+    n = len(t)
     moved, turn, spun = np.zeros((3, n, 3))
-    turned = rotations(samples.pose_world_tcp[:, 3:])
     for rows in np.split(np.arange(n), np.flatnonzero(cuts)):
-        t, pose = samples.t[rows], samples.pose_world_tcp[rows]
+        own = t[rows]
         # Rows far apart are poses at rest.
-        if len(rows) < 5 or float(np.median(np.diff(t))) > AT_REST:
+        if len(rows) < 5 or float(np.median(np.diff(own))) > AT_REST:
             continue
-        moved[rows] = _rates(_rates(pose[:, :3], t), t)
-        # Angular velocity of a unit quaternion: twice the vector part of q* q'.
-        turn[rows] = 2.0 * _vector_part(pose[:, 3:], _rates(pose[:, 3:], t))
-        spun[rows] = _rates(turn[rows], t)
+        moved[rows] = _rates(_rates(place[rows], own), own)
+        # Angular velocity in the axes of the sensor: R^T R' is its cross-product matrix.
+        rate = _rates(turned[rows].reshape(-1, 9), own).reshape(-1, 3, 3)
+        skew = turned[rows].swapaxes(1, 2) @ rate
+        turn[rows] = (
+            np.stack([skew[:, i, j] - skew[:, j, i] for i, j in ((2, 1), (0, 2), (1, 0))], axis=1)
+            / 2.0
+        )
+        spun[rows] = _rates(turn[rows], own)
     up = turned[:, 2]
     pulled = np.einsum("nji,nj->ni", turned, moved) + gravity * up
     return pulled, turn, spun, up
-
-
-def _vector_part(q: Array, rate: Array) -> Array:
-    """Vector part (n, 3) of the product of conjugate quaternions `q` and `rate` (n, 4), wxyz."""
-    w, v, a, b = q[:, :1], q[:, 1:], rate[:, :1], rate[:, 1:]
-    return w * b - a * v - np.cross(v, b)
 
 
 def _rates(values: Array, t: Array) -> Array:
@@ -517,3 +531,61 @@ def _same_zero(found: SensedLoad, mass: float) -> tuple[FitTest, ...]:
         )
 
     return (found.posterior.test(cause, tolerated, finding),)
+
+
+# Load in the hand of an arm that has such a sensor, in several grasps.
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SensedGrasps:
+    """Load in n grasps by the sensor alone, in the form of `load_whole.WholeLoad`."""
+
+    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight about the TCP along the axes of the hand,
+    # N m.
+    value: Array
+    covariance: Array  # (1 + 3n, 1 + 3n)
+    gain: Array  # (1 + 3n,) effect of one standard deviation of the sensor's gain
+
+
+@once
+def fit_sensed_grasps(trace: Trace, name: str) -> SensedGrasps | None:
+    """Fit the load `name` to the wrench of the sensor in free air, with a lever of its own in each grasp.
+
+    None where the arm has no sensor, or no such motion of both the load and the empty hand was recorded.
+    """
+    sensor = trace.hand.wrench_sensor
+    groups = free_rows(trace, name) if is_sensed(trace) else []
+    if sensor is None or not groups:
+        return None
+    # Rows in free air with the load, and with the empty hand.
+    rows, free = load_rows(trace, name), np.zeros(len(trace.samples), dtype=bool)
+    free[np.concatenate(groups)] = True
+    loaded, empty = rows.loaded & free, rows.empty & free
+    if not (loaded.any() and empty.any()):
+        return None
+    seen = _blocks(trace.samples, sensor, loaded, empty, trace.gravity)
+    # The load has one mass and one inertia, and a first moment in each grasp.
+    grasp = np.array([max([g for g in rows.grasps if g <= t], default=-np.inf) for t in seen.t])
+    grasps = sorted(set(grasp[seen.hanging].tolist()))
+    count = 1 + 3 * len(grasps)
+    pick = np.zeros((len(seen.t), PARAMETERS, count + 6))
+    pick[:, 0, 0] = seen.hanging
+    for i, time in enumerate(grasps):
+        here = seen.hanging & (grasp == time)
+        pick[:, 1:4, 1 + 3 * i : 4 + 3 * i] = here[:, None, None] * np.eye(3)
+    pick[:, 4:, count:] = seen.hanging[:, None, None] * np.eye(6)
+    mass, moment, inertia = SENSED_PRIOR
+    prior = np.array([mass, *[moment] * (count - 1), *[inertia] * 6])
+    found, _ = _fit_bodies(seen, {LOAD: pick}, prior, sensor)
+    # From the sensor's origin and axes to those of the TCP: h' = R h + m p, times g.
+    mounted = Pose.of(sensor.pose_tcp_sensor[:3], sensor.pose_tcp_sensor[3:])
+    turned = np.kron(np.eye(len(grasps)), mounted.rotation)
+    to_tcp = np.zeros((count, count))
+    to_tcp[0, 0], to_tcp[1:, 1:] = 1.0, turned
+    to_tcp[1:, 0] = np.tile(mounted.position, len(grasps))
+    to_tcp *= trace.gravity
+    effects = found.effects(GAIN)[:count, 0]
+    covariance = found.covariance[:count, :count]
+    return SensedGrasps(
+        to_tcp @ found.mean[:count], to_tcp @ covariance @ to_tcp.T, to_tcp @ effects
+    )

@@ -29,10 +29,11 @@ from palpate.robots.sheet import (
     ReflexSheet,
     SensorErrors,
     Sheet,
+    WristSheet,
     read_sheet,
 )
 from palpate.robots.trajectory import rotate_quaternion
-from palpate.trace.recording import Chain, ChainLink, NominalHand, Triple
+from palpate.trace.recording import Chain, ChainLink, NominalHand, Triple, WrenchSensor
 from palpate.trace.samples import STANDARD_GRAVITY
 
 if TYPE_CHECKING:
@@ -49,7 +50,59 @@ OVERLAPPING = 2  # joints between bodies whose shapes may overlap
 MISPLACED = 0.003  # m by which TCP and palm may differ from the shapes of the hand
 LEVEL = 0.999  # cosine of the largest inclination of the tool at home
 PREFIX = "robot/"  # prefix of the arm's names in a world
+SENSOR = "palpate_wrench_sensor"  # body and site of a six-axis sensor
 TCP = "palpate_tcp"  # site of a TCP that a description gives as a position
+
+
+def mount_sensor(spec: mujoco.MjSpec, hand: ParallelHand, sensor: WristSheet) -> None:
+    """Mount a six-axis sensor before the hand: its body on the flange, its site in the hand's body.
+
+    The site measures what the flange exerts on the hand and on everything below it.
+    """
+    body = spec.body(hand.body)
+    parent, along = body.parent, Pose.of((0.0, 0.0, 0.0), body.quat).rotation[:, 2]
+    if sensor.mass or sensor.height:
+        half = max(sensor.height, 1e-3) / 2.0
+        casing = parent.add_body(name=SENSOR, pos=body.pos + half * along, quat=body.quat)
+        size = [sensor.radius, half, 0.0]
+        shape = casing.add_geom(type=mujoco.mjtGeom.mjGEOM_CYLINDER, size=size, mass=sensor.mass)
+        shape.contype, shape.conaffinity = 1, 0
+        # A uniform cylinder.
+        across = sensor.mass * (3.0 * sensor.radius**2 + (2.0 * half) ** 2) / 12.0
+        inertia = [across, across, sensor.mass * sensor.radius**2 / 2.0]
+        casing.mass, casing.inertia[:], casing.explicitinertial = sensor.mass, inertia, True
+        body.pos = body.pos + sensor.height * along
+    body.add_site(name=SENSOR, group=4)
+
+
+def compile_arm(mjcf: Path, sheet: Sheet) -> mujoco.MjModel:
+    """Compile an arm's file with the sensor that its description mounts.
+
+    Raises:
+        InputError: MuJoCo does not accept the file, or it is larger than a robot's.
+    """
+    model = compile_mjcf(mjcf)
+    names = [model.body(i).name for i in range(model.nbody)]
+    if sheet.wrench_sensor is None or sheet.hand.body not in names:
+        return model
+    spec = mujoco.MjSpec.from_file(str(mjcf))
+    mount_sensor(spec, sheet.hand, sheet.wrench_sensor)
+    return spec.compile()
+
+
+def sensor_of(model: mujoco.MjModel, sheet: Sheet) -> WrenchSensor | None:
+    """Return the six-axis sensor of an arm as its owner knows it, None without one."""
+    if sheet.wrench_sensor is None:
+        return None
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    place = data.site(SENSOR).xpos.copy()
+    site = Pose(place, data.body(sheet.hand.body).xquat.copy())
+    pose = tool_pose(model, data, sheet.hand).inverse() @ site
+    stated = sheet.wrench_sensor
+    return WrenchSensor(
+        stated.label, tuple(pose.vector.tolist()), stated.gain, stated.crosstalk, stated.mounting
+    )
 
 
 def compile_mjcf(mjcf: Path) -> mujoco.MjModel:
@@ -197,6 +250,8 @@ def prepare_spec(arm: RobotDescription) -> mujoco.MjSpec:
 @lru_cache(8)
 def _prepare_spec(arm: RobotDescription) -> mujoco.MjSpec:
     spec = mujoco.MjSpec.from_file(str(arm.mjcf))
+    if arm.wrench_sensor is not None:
+        mount_sensor(spec, arm.hand, arm.wrench_sensor)
     option = spec.option
     option.timestep, option.impratio = 0.001, 20.0  # a grasped object does not creep with these
     option.integrator = int(mujoco.mjtIntegrator.mjINT_IMPLICITFAST)
@@ -324,6 +379,7 @@ class RobotDescription:
     sensors: SensorErrors
     postures: tuple[Array, ...]  # seeds of the inverse kinematics
     hardware: Hardware | None = None  # values of a real arm, where they differ
+    wrench_sensor: WristSheet | None = None  # six-axis sensor before the hand, if any
     rest_torque: float = 0.0  # N m that friction and ripple leave in each joint at rest, if stated
     end_effector: EndEffector | None = None  # weighed load of the last joint
     config: RobotConfig | None = None  # figures of robot.yaml, applied in the other attributes
@@ -351,7 +407,10 @@ class RobotDescription:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         parent = data.body(int(model.body_parentid[hand.id]))
-        flange = Pose(data.body(hand.id).xpos.copy(), parent.xquat.copy())
+        # A sensor before the hand lies between both.
+        along, sensor = data.body(hand.id).xmat.reshape(3, 3)[:, 2], self.wrench_sensor
+        place = data.body(hand.id).xpos - (sensor.height if sensor else 0.0) * along
+        flange = Pose(place, parent.xquat.copy())
         return flange.inverse() @ tool_pose(model, data, self.hand)
 
     @property
@@ -410,7 +469,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
     """
     sheet = read_sheet(folder, known)
     mjcf = folder / sheet.mjcf
-    model = compile_mjcf(mjcf)
+    model = compile_arm(mjcf, sheet)
     require_arm(folder / FILE, sheet, model)
     require_shapes(folder / FILE, mjcf, sheet, model)
     links: list[str] = []  # from the base to the body that the last joint moves
@@ -425,6 +484,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         chain=chain(model, sheet),
         ripple_cycles=sheet.ripple_cycles,
         payload=sheet.payload,
+        wrench_sensor=sensor_of(model, sheet),
         **dict(sheet.accuracy),
     )
     return RobotDescription(
@@ -445,6 +505,7 @@ def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> Robo
         sensors=sheet.sensors,
         postures=sheet.postures,
         hardware=sheet.hardware,
+        wrench_sensor=sheet.wrench_sensor,
     )
 
 

@@ -287,6 +287,26 @@ class SensorErrors(Section):
     link_com: Share  # m per axis
 
 
+Six = Annotated[Array, numbers(6), AS_LIST]  # three forces, N, and three moments, N m
+
+
+class WristSheet(Section):
+    """Six-axis force/torque sensor between flange and hand, with the figures of its data sheet."""
+
+    label: Name  # product
+    # m, by which it lengthens the arm, and kg; 0 where the MJCF already has it
+    height: Share = 0.0
+    mass: Share = 0.0
+    radius: Size = 0.04  # m
+    range: Six  # N, N m
+    white: Six  # N, N m, standard deviation of a 1 kHz sample
+    drift: Six  # N, N m, standard deviation of the drift of the zero
+    drift_time: Size = 300.0  # s, time constant of that drift
+    gain: Size  # relative, standard deviation, of all axes together
+    crosstalk: Share  # relative, standard deviation; N per N m over 0.3 m
+    mounting: Share = 0.005  # rad, standard deviation of its orientation
+
+
 class Sheet(Section):
     """The content of a `description.yaml`."""
 
@@ -310,6 +330,7 @@ class Sheet(Section):
     sensors: SensorErrors
     postures: tuple[Seven, ...]  # rad, relative to home: further seeds of the inverse kinematics
     hardware: Hardware | None = None
+    wrench_sensor: WristSheet | None = None  # absent: the arm has none
 
 
 OWN = {
@@ -322,6 +343,7 @@ OWN = {
     "ripple_cycles",
     "payload",
     "workspace",
+    "wrench_sensor",
 }
 INHERITED = [key for key in Sheet.model_fields if key not in OWN]  # where a file has `like: NAME`
 

@@ -139,6 +139,7 @@ class WrenchSensor:
     pose_tcp_sensor: tuple[float, ...] = (0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0)
     gain: float = 0.01  # relative error of all axes together, standard deviation
     crosstalk: float = 0.005  # response to another axis, N per N or N per N m over 0.3 m, 1 sigma
+    mounting: float = 0.01  # rad, error of its orientation, standard deviation
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,6 +10,7 @@ from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 
+from palpate.common.errors import InputError
 from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.franky.drive import Course, CycleRow, Drive, joint_course, pose_course
@@ -48,6 +49,10 @@ class FrankyRobot(Commanded):
             InputError: its end effector differs from the description's.
             Unavailable: it is not ready, or holds an object.
         """
+        if arm.wrench_sensor is not None:
+            raise InputError(
+                f"the driver of Franka arms does not read a six-axis sensor: '{arm.name}' has one, use an arm without"
+            )
         base = self._base = arm.stands(pose_world_base)
         known = arm.gravity if arm.gravity is not None else gravity
         down = np.array([0.0, 0.0, -known])

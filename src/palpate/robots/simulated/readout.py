@@ -13,6 +13,7 @@ from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
+from palpate.robots.simulated.noise.wrist import WristSensor
 from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
 from palpate.robots.simulated.world import Steps
 from palpate.robots.springs import SpringGains, Swivel
@@ -39,6 +40,7 @@ class Followed(NamedTuple):
     true: Array  # (n, 7) N m, torque behind the gears
     target: Array  # (n, 7) commanded poses of the TCP
     width: Array  # (n,) m between the fingers
+    wrench: Array  # (n, 6) N and N m, true wrench below a six-axis sensor; (n, 0) without one
 
 
 class Measurement(NamedTuple):
@@ -85,13 +87,14 @@ class Readout:
         q: Array,
         torque: Array,
         gains: Array,
+        wrist: WristSensor | None = None,
     ) -> None:
         """Zero the sensors at rest at `q` (7,), rad, with the holding torques `torque` (7,), N m.
 
-        `gains` (7,) are measured relative errors of the sensors, which are corrected.
+        `gains` (7,) are measured relative errors of the sensors, which are corrected. `wrist` is a six-axis sensor.
         """
         self._nominal, self._sensors, self._encoders = nominal, sensors, encoders
-        self._stamps = stamps
+        self._stamps, self._wrist = stamps, wrist
         self._armature = nominal.armature
         reported = encoders.reported(q[None], torque[None])
         here = nominal.kinematics(reported)
@@ -161,6 +164,7 @@ class Readout:
             twist=np.matmul(motion.jacobian, dq[:, :, None])[:, :, 0],
             target_world_tcp=motion.target,
             width=motion.width,
+            wrench_sensor=motion.wrench if self._wrist is None else self._wrist.read(motion.wrench),
         )
         # Drop the samples that got lost; the state is that of the newest sample that arrived.
         torque, contact, arrived = measured.torque, measured.contact, measured.arrived
@@ -204,7 +208,9 @@ class Readout:
         true += (rows[1:, 14:] - rows[:-1, 14:]) * (steps.step / 2.0 / PERIOD)
         width = steps.fingers.sum(1)
         self._followed.append(
-            Followed(mean, dq, here.jacobian, here.inertia_torque, true, target, width)
+            Followed(
+                mean, dq, here.jacobian, here.inertia_torque, true, target, width, steps.wrench
+            )
         )
 
     def _report_angles(self, steps: Steps) -> Array:

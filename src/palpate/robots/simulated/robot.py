@@ -26,6 +26,7 @@ from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors
 from palpate.robots.simulated.noise.true_arm import TrueArm
+from palpate.robots.simulated.noise.wrist import WristSensor
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,
@@ -116,6 +117,9 @@ class MujocoRobot(Commanded):
             q=arm.home if q is None else q,
             torque=self._world.true_gravity_torque(),
             gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
+            wrist=WristSensor(arm.wrench_sensor, model.sensor, streams)
+            if arm.wrench_sensor is not None
+            else None,
         )
         # The controller compensates the measured arm, MuJoCo the described one.
         measured = config.gravity or config.end_effector or config.base_lean

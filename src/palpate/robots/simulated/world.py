@@ -18,6 +18,7 @@ from palpate.common.pose import Array, Pose
 from palpate.mjcf.contacts import CCD_TOLERANCE
 from palpate.robots.description import (
     PREFIX,
+    SENSOR,
     RobotDescription,
     neighbours,
     require_physics,
@@ -50,6 +51,7 @@ ASLEEP = 1e-4
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
 SENSED = 10  # values of these sensors: 7 motor torques and the 3 components of the hand's force
+WRENCH = 6  # values of a six-axis sensor, which follow
 NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
 
 
@@ -60,6 +62,8 @@ class Steps(NamedTuple):
     dq: Array  # (n, 7) rad/s at the end of each block
     torque: Array  # (n, 7) N m, mean commanded joint torques, at the beginning of each physics step
     push: Array  # (n, 3) N, mean force of the hand on the objects it touches, world axes
+    # (n, 6) N and N m, mean wrench of the flange on the hand, in the sensor's axes; (n, 0) without one
+    wrench: Array
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s at the end of each block
     step: float  # s, a step of the physics
@@ -104,7 +108,8 @@ class World:
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         # Buffers for the longest run: the state and the sensors after each physics step.
-        self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], SENSED)
+        count = SENSED + WRENCH * (arm.wrench_sensor is not None)
+        self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], count)
         self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
         steps = LONGEST_RUN * BLOCK * substeps
@@ -163,7 +168,8 @@ class World:
             q=blocks[:, self._q],
             dq=qvel[:, self._v],
             torque=means[:, :7],
-            push=means[:, 7:],
+            push=means[:, 7:SENSED],
+            wrench=means[:, SENSED:],
             fingers=blocks[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
             step=TIMESTEP / self._substeps,
@@ -185,10 +191,11 @@ class World:
         return slice(length - 1, count * self._substeps, length)
 
     def _means(self, first: int, last: int, every: int = 1) -> Array:
-        """Compute means (n, SENSED) of the sensors over groups of `every` cycles, from cycle `first` to `last`."""
+        """Compute means (n, k) of the k sensor values over groups of `every` cycles, from cycle `first` to `last`."""
         rows = slice(first * self._substeps, last * self._substeps)
         each = every * self._substeps
-        sensed = self._signals[0, rows, self._sensors].reshape(-1, each, SENSED)
+        sensed = self._signals[0, rows, self._sensors]
+        sensed = sensed.reshape(-1, each, sensed.shape[1])
         return np.add.reduce(sensed, axis=1) / each
 
     def _all_at_once(self, control: Array, guard: Guard) -> int | None:
@@ -437,6 +444,14 @@ def add_sensors(world: mujoco.MjSpec, arm: RobotDescription) -> None:
         objname=PREFIX + arm.hand.body,
         intprm=(1 << int(mujoco.mjtConDataField.mjCONDATA_FORCE), NET_FORCE, 1),
     )
+    # What the flange exerts on everything below a six-axis sensor.
+    for kind in ("FORCE", "TORQUE") if arm.wrench_sensor is not None else ():
+        world.add_sensor(
+            name=PREFIX + kind.lower(),
+            type=getattr(mujoco.mjtSensor, f"mjSENS_{kind}"),
+            objtype=mujoco.mjtObj.mjOBJ_SITE,
+            objname=PREFIX + SENSOR,
+        )
     world.add_sensor(
         name=TOUCHING,
         type=mujoco.mjtSensor.mjSENS_CONTACT,

@@ -358,6 +358,17 @@ class Acquisition(Section):
     clock: Number = nothing()  # robot; relative rate error of the robot's clock
 
 
+class WristErrors(Section):
+    """Errors of a six-axis sensor at the wrist, as factors on the figures of its data sheet."""
+
+    white: Level = 0.0  # sample
+    drift: Level = 0.0  # run
+    offset: Level = 0.0  # robot; of the zero at power-on, times the drift
+    gain: Level = 0.0  # robot
+    crosstalk: Level = 0.0  # robot
+    mounting: Level = 0.0  # robot
+
+
 class Vibration(Section):
     """Vertical vibration of the base, which changes the weight of arm and load."""
 
@@ -391,3 +402,4 @@ class NoiseModel(Section):
     pose: PoseErrors = PoseErrors()
     acquisition: Acquisition = Acquisition()
     environment: Environment = Environment()
+    sensor: WristErrors = WristErrors()
