@@ -294,9 +294,8 @@ class WristSheet(Section):
     """Six-axis force/torque sensor between flange and hand, with the figures of its data sheet."""
 
     label: Name  # product
-    # m, by which it lengthens the arm, and kg; 0 where the MJCF already has it
-    height: Share = 0.0
-    mass: Share = 0.0
+    height: Share = 0.0  # m, by which it lengthens the arm; 0 where the MJCF already has it
+    mass: Share = 0.0  # kg, of the whole sensor; 0 likewise
     radius: Size = 0.04  # m
     range: Six  # N, N m
     white: Six  # N, N m, standard deviation of a 1 kHz sample

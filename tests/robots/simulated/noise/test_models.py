@@ -97,6 +97,7 @@ acquisition:
   clock: 1e-5
 environment:
   vibration: {acceleration: 0.01, frequency: 25.0}
+sensor: {white: 1, drift: 1, offset: 10, gain: 1, crosstalk: 1, mounting: 1}
 """
 """Every key of version 1."""
 
@@ -185,6 +186,7 @@ def test_own_models_say_what_the_description_says() -> None:
     assert nonzero(lab) == [
         "friction.coulomb",
         "model.tip_offset",
+        *(f"sensor.{key}" for key in ("crosstalk", "drift", "gain", "mounting", "offset", "white")),
         "torque.drift.size",
         "torque.gain_max",
         "torque.white",

@@ -361,12 +361,12 @@ class Acquisition(Section):
 class WristErrors(Section):
     """Errors of a six-axis sensor at the wrist, as factors on the figures of its data sheet."""
 
-    white: Level = 0.0  # sample
-    drift: Level = 0.0  # run
-    offset: Level = 0.0  # robot; of the zero at power-on, times the drift
-    gain: Level = 0.0  # robot
-    crosstalk: Level = 0.0  # robot
-    mounting: Level = 0.0  # robot
+    white: Level = 0.0  # sample; factor on `wrench_sensor.white`
+    drift: Level = 0.0  # run; factor on `wrench_sensor.drift`
+    offset: Level = 0.0  # robot; zero at power-on, as a multiple of `wrench_sensor.drift`
+    gain: Level = 0.0  # robot; factor on `wrench_sensor.gain`
+    crosstalk: Level = 0.0  # robot; factor on `wrench_sensor.crosstalk`
+    mounting: Level = 0.0  # robot; factor on `wrench_sensor.mounting`
 
 
 class Vibration(Section):
