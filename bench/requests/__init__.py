@@ -20,8 +20,9 @@ SCENARIOS = Path(__file__).parents[2] / "src/palpate/studies/scenarios"
 
 @cache
 def bundled_scene(name: str) -> Scene:
-    """Scene of a bundled scenario."""
-    return load_scene(SCENARIOS / name / "scene.xml")
+    """Scene of `scenes/`, or of a bundled scenario."""
+    own = FOLDER / "scenes" / f"{name}.xml"
+    return load_scene(own if own.exists() else SCENARIOS / name / "scene.xml")
 
 
 def read(row: dict[str, Any]) -> tuple[str, bool]:

@@ -382,13 +382,14 @@ _SYMBOLS = (
     ("h", ("HOW",)),
 )
 """Symbols of classes in the forms of sure sentences, the most significant first."""
-_THINGS = r"(?:[fr]*[Te](?:[&fr]*[Te])*)"
-_PLAIN = r"(?:[Te](?:&*[Te])*)"
+_THINGS = r"(?:[fr]*[Te](?:[&fr]+[Te])*)"
+_PLAIN = r"(?:[Te](?:&+[Te])*)"
 _QUANTITY = r"(?:i?q(?:&*i?q)*)"
-_ASKED = (
+_ASK = (
     rf"(?:{_QUANTITY}f*h?{_THINGS}|h*w+h?{_THINGS}h?|h?{_PLAIN}h?w|{_PLAIN}[&h]*{_QUANTITY}|h+[aq]h?f?{_THINGS}h?|"
-    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|h+iw+|iq|h+ah?i?h?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)+"
+    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|h+iw+|iq|h+ah?i?h?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)"
 )
+_ASKED = rf"(?:{_ASK}(?:h*&[&h]*{_ASK})*)"
 _LESS = rf"&*(?:x|n|xn|nx)(?:i?[qa]*{_THINGS}q?|i?q+)h?"
 SURE = re.compile(
     rf"h*{_QUANTITY}h*|{_QUANTITY}(?:&*(?:x|n|xn|nx){_THINGS})+|(?:[&h]*(?:n+k(?:{_ASKED})|k(?:{_ASKED})(?:{_LESS})*|(?:{_ASKED})h?n*k?|nw{_THINGS}|l(?:{_ASKED})|"

@@ -179,8 +179,14 @@ class Spotter:
                 and joined != words[at]
             ):
                 words[at : at + 2] = [joined]
+            elif length := self._noun_of_words(words, at):
+                words[at : at + length] = ["_".join(words[at : at + length])]
             elif not self._is_known(words, at):
                 self._repair(words, at)
+
+    def _noun_of_words(self, words: Sequence[str], at: int) -> int:
+        """Return the number of words of a noun such as "chiave inglese"; 0 for none."""
+        return next((n for n in (4, 3, 2) if "_".join(words[at : at + n]) in self.language.nouns), 0)
 
     def _is_known(self, words: Sequence[str], at: int) -> bool:
         if not words[at].isalpha() or self.nouns.match(words, at, self.code):
@@ -200,7 +206,7 @@ class Spotter:
         length, classes = self.language.match(words, at)
         if not classes or "N" in classes:
             length, classes = self._plural(words, at, length, classes)
-        phrase = self.nouns.match(words, at, self.code)
+        phrase = self._narrowed(self.nouns.match(words, at, self.code), words, at)
         if length == 0 and phrase is None and self.code != "en":
             length, classes = languages()["en"].match(words, at)
             classes = {n: v for n, v in classes.items() if n in (*QUANTITIES, "PART")}
@@ -226,6 +232,17 @@ class Spotter:
         if phrase is not None and not phrase.noun:
             return Spot(at, at + phrase.length, {"ADJ": ""})
         return Spot(at, at + 1)
+
+    def _narrowed(self, phrase: Phrase | None, words: Sequence[str], at: int) -> Phrase | None:
+        """Return the bodies of a noun with a noun of contents: "box of tea" for `tea_box`."""
+        if phrase is None or len(phrase.names) < 2 or at + phrase.length + 1 >= len(words):
+            return phrase
+        end = at + phrase.length
+        if "OF" in self.language.match(words, end)[1]:
+            said = self.nouns.find([*words[at:end], words[end + 1]], self.code)
+            if said is not None and said.names and set(said.names) < set(phrase.names):
+                return replace(phrase, length=phrase.length + 2, names=said.names)
+        return phrase
 
     def _joins(self, words: Sequence[str], at: int) -> bool:
         """True for "and" or "or" before another body: "can or carabiner"."""
@@ -253,6 +270,9 @@ class Spotter:
         before = found[-1] if found else None
         if not phrase.noun:
             introduced = before is not None and before.has(*_BEFORE_ADJECTIVE)
+            # "The one of steel".
+            made_of = len(found) > 1 and found[-2].has("DET", "THATOF", "ONE", "AND", "OR")
+            introduced = introduced or (before is not None and before.has("OF") and made_of)
             return introduced and (not classes or ("SEL" in classes and bool(phrase.names)))
         if not classes or set(classes) <= {"PART"}:
             return bool(phrase.names) or "PART" not in classes

@@ -89,7 +89,7 @@ class Language:
 
     def parts(self, word: str) -> tuple[str, str] | None:
         """Split a compound noun whose two parts are known: "Tischhöhe"; None for other words."""
-        for at in range(3, len(word) - 2):
+        for at in range(2, len(word) - 2):
             tail, head = word[at:], word[:at]
             known = self.match([tail], 0)[0] or self.concepts(tail)
             for stem in (head, *singulars(head), f"{head}e") if known else ():
