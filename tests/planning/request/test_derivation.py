@@ -134,6 +134,8 @@ def test_a_word_that_turns_what_is_said_is_never_passed_over(
         "What is mass?",
         "Set the mass of the mug to 300 g.",
         "Weigh three boxes.",
+        "Weigh the mug the bottle.",
+        "The mass of the mug the friction of the bottle.",
         "My friend brought something. How heavy is it?",
         "The mug belongs to my aunt. Weigh everything.",
     ],

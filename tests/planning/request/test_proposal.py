@@ -150,6 +150,18 @@ def test_a_purpose_offers_what_the_scene_assumes():
         ("Combien de grammes fait la tasse ?", "kitchen", "mug"),
         ("Was bringt die Flasche auf die Waage?", "kitchen", "bottle"),
         ("¿Cuál de las cajas es más pesada?", "kitchen", "red_box blue_box"),
+        (
+            "Please weigh all objects with the exception of the mug.",
+            "kitchen",
+            "bottle red_box blue_box",
+        ),
+        (
+            "La tasse, je connais déjà sa masse ; mesure plutôt celle de la bouteille.",
+            "kitchen",
+            "bottle",
+        ),
+        ("I know what the mug weighs, so only do the bottle.", "kitchen", "bottle"),
+        ("Die Tasse kann warten: Wie schwer ist die Flasche?", "kitchen", "bottle"),
     ],
 )
 def test_scope_is_kept_in_five_languages(request_: str, place: str, proposed: str):

@@ -62,7 +62,7 @@ FILES = (
 )
 RECALL = 0.95
 """Least share of the measurable requests that is read surely, or proposed, and right."""
-WRONG = 0.025
+WRONG = 0.02
 """Largest share of wrong proposals."""
 SURE = 0.45
 """Least share of the measurable requests that is read surely."""

@@ -181,7 +181,7 @@ def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
         start = at
         while start and spots[start - 1].has("DET", "ITS") and spots[start - 1].thing is None:
             start -= 1
-        before = [words[one.start] for one in spots[max(start - 2, 0) : start]]
+        before = [words[one.end - 1] for one in spots[max(start - 2, 0) : start]]
         if before[-1:] == ["with"] and before[0] not in ("together", "along"):
             spot.thing, spot.classes = None, {}
 
@@ -239,9 +239,11 @@ def _is_deed(spots: Sequence[Spot], at: int) -> bool:
     spot = spots[at]
     if not spot.has("DEED") or spot.has("HARMLESS", "A", "W", "MEASURE", "F"):
         return False
-    before = spots[at - 1] if at else None
-    if any(one.has("W") for one in spots[at + 1 :]) and spot.classes["DEED"] == "":
+    before, rest = spots[at - 1] if at else None, spots[at + 1 :]
+    if any(one.has("W") for one in rest) and spot.classes["DEED"] == "":
         return False  # "put the mug on the scales"
+    if spot.classes["DEED"] in ("press", "push") and any(one.is_quantity for one in rest):
+        return False  # "press on the mat to see if it is soft"
     return before is None or before.has(",", "AND", "COND") or (at == 1 and before.has("F"))
 
 
@@ -373,7 +375,7 @@ _SYMBOLS = (
     ("a", ("A",)),
     ("e", ("EVERYTHING", "ELSE")),
     ("z", ("MISSING", "VAGUE")),
-    ("&", ("AND", ",", "BUT", ":")),
+    ("&", ("AND", ",", "BUT", ":", "TOGETHER")),
     ("o", ("OR",)),
     ("r", ("THATOF",)),
     ("f", ("OF",)),
@@ -387,14 +389,18 @@ _PLAIN = r"(?:[Te](?:&+[Te])*)"
 _QUANTITY = r"(?:i?q(?:&*i?q)*)"
 _ASK = (
     rf"(?:{_QUANTITY}f*h?{_THINGS}|h*w+h?{_THINGS}h?|h?{_PLAIN}h?w|{_PLAIN}[&h]*{_QUANTITY}|h+[aq]h?f?{_THINGS}h?|"
-    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|h+iw+|iq|h+ah?i?h?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?)"
+    rf"h?{_PLAIN}&*h+a|h?{_PLAIN}a|w?ih?|h+iw+|iq|h+ah?i?h?|{_PLAIN}h*|f{_THINGS}&*{_QUANTITY}|r{_THINGS}|[frh]*zf?i?|"
+    rf"{_PLAIN}?h+[aq]h?i?h*|{_PLAIN}?{_QUANTITY}h*z|h*z{_QUANTITY}f{_THINGS}|erh*z)"
 )
-_ASKED = rf"(?:{_ASK}(?:h*&[&h]*{_ASK})*)"
+_ASKED = rf"(?:{_ASK}(?:(?:h*&[&h]*|(?=h*i)){_ASK})*)"
 _LESS = rf"&*(?:x|n|xn|nx)(?:i?[qa]*{_THINGS}q?|i?q+)h?"
-SURE = re.compile(
-    rf"h*{_QUANTITY}h*|{_QUANTITY}(?:&*(?:x|n|xn|nx){_THINGS})+|(?:[&h]*(?:n+k(?:{_ASKED})|k(?:{_ASKED})(?:{_LESS})*|(?:{_ASKED})h?n*k?|nw{_THINGS}|l(?:{_ASKED})|"
+_SAID = (
+    rf"(?:n+k(?:{_ASKED})|k(?:{_ASKED})(?:{_LESS})*|(?:{_ASKED})h?n*k?|nw{_THINGS}|l(?:{_ASKED})|"
     rf"(?:{_ASKED})n?l|(?:{_ASKED})(?:{_LESS})*|(?:&*x{_THINGS}h?)+&*(?:{_ASKED})|"
-    rf"(?=[^&]*h)[hcTewqao&9ifrt]*c[hcTewqao&9ifrt]*|h*t[aq]t[fTe]+|hTt[aq]tT|d+[hdiTeqa&z]*))+[&h]*"
+    rf"(?=[^&]*h)[hcTewqao&9ifrt]*c[hcTewqao&9ifrt]*|h*t[aq]t[fTe]+|hTt[aq]tT|d+[hdiTeqa&z]*)"
+)
+SURE = re.compile(
+    rf"h*{_QUANTITY}h*|{_QUANTITY}(?:&*(?:x|n|xn|nx){_THINGS})+|[&h]*{_SAID}(?:h*&[&h]*{_SAID})*[&h]*"
 )
 """Forms of sure English sentences, as symbols of their spots."""
 
@@ -419,6 +425,9 @@ def _symbols(sentence: Sentence) -> str:
             continue  # "for our simulation"
         if spot.has("AMOUNT") and (sentence.has("WIDTH") or spot.classes["AMOUNT"][0] in "±+"):
             continue  # "± 1 g"
+        pronoun = spot.has("ONE") and symbols[-1:] == "T" and spot.thing is None
+        if pronoun or (spot.has("FLOOR") and symbols[-1:] == "q"):
+            continue  # "the red one"
         if spot.thing is not None and not spot.has("MARK"):
             symbols += "T"
         elif spot.unknown:

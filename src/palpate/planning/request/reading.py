@@ -8,9 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from itertools import pairwise
 
-from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter, PlanRejected
 from palpate.estimation.quantities.catalogue import quantities_by_verb
 from palpate.planning.request.query import GRIPPER
@@ -19,20 +17,15 @@ from palpate.planning.request.spots import QUANTITIES, Spot, Thing
 from palpate.planning.request.words import is_weight
 
 _VERBS = (
-    "W",
-    "MEASURE",
-    "WANT",
-    "KNOWN",
-    "TOKNOW",
-    "SKIP",
-    "NEEDLESS",
-    "MISSING",
-    "SIMULATE",
-    "DEED",
-    "VAGUE",
+    *("W", "MEASURE", "WANT", "KNOWN", "TOKNOW", "SKIP", "NEEDLESS", "MISSING", "SIMULATE"),
+    *("DEED", "VAGUE"),
 )
 """Classes of words that begin a statement of their own."""
+_WHOLE = ("EVERYTHING", "ALL", "ELSE")
 _INERTIAL = ("mass", "com", "inertia")
+
+Pair = tuple[list[str], list[Thing], bool]
+"""Quantities, their bodies, and True for all bodies that have them."""
 
 
 @dataclass(slots=True)
@@ -45,7 +38,7 @@ class Fragment:
         wanted: True if it asks for its parameters, False if it excludes them.
     """
 
-    intro: frozenset[str]
+    intro: frozenset[str] = frozenset()
     spots: list[Spot] = field(default_factory=list[Spot])
     wanted: bool = True
 
@@ -63,36 +56,32 @@ class Fragment:
         """Words that name quantities."""
         return [spot for spot in self.spots if spot.is_quantity]
 
-    def resumed_by(self, spot: Spot) -> bool:
-        """True for a verb after an exception: "everything except the mug must be weighed"."""
-        return (
-            "EXCEPT" in self.intro
-            and bool(self.things)
-            and spot.has("W", "MISSING", "WANT", "MEASURE", "F")
-            and not spot.has("DET")
-        )
-
     @property
     def continues(self) -> bool:
         """True if it may belong to the list of the fragment before."""
         return not self.has(*_VERBS, "NOT", "C", "EVERYTHING", "ELSE", "ALL", "A")
 
+    @property
+    def states(self) -> bool:
+        """True for a statement of an amount: "the mug weighs 300 g"."""
+        amounts = [spot.classes["AMOUNT"] for spot in self.spots if spot.has("AMOUNT")]
+        asks = self.has("WIDTH", "MORE", "C", "THAN", "ABOVE", "BELOW", "WANT", "MEASURE")
+        named = bool(self.things or self.quantities)
+        return bool(amounts) and named and not asks and not any(one[0] in "±+" for one in amounts)
+
 
 def fragments(spots: Sequence[Spot]) -> list[Fragment]:
     """Cut a sentence into fragments."""
-    found = [Fragment(frozenset())]
-    for spot in spots:
-        if found[-1].resumed_by(spot):
+    found = [Fragment()]
+    for at, spot in enumerate(spots):
+        last, part = spots[at - 1] if at else None, found[-1]
+        resumes = spot.has("W", "MISSING", "WANT", "MEASURE", "F") and not spot.has("DET")
+        if "EXCEPT" in part.intro and part.things and (resumes or spot.has(":")):
+            # "Everything except the mug must be weighed."
             found.append(Fragment(frozenset({"RESUME"})))
-        rest = spots[spots.index(spot) :]
-        if spot.has(":") and any(o.is_quantity for o in rest) and any(o.thing for o in rest):
-            spot.classes = {**spot.classes, ",": ""}
-        if spot.has(":") and "EXCEPT" in found[-1].intro and found[-1].things:
-            found.append(Fragment(frozenset({"RESUME"})))
-        separates = spot.has(",", "AND", "BUT", "RATHER", "EXCEPT", "CORRECT", "OR")
-        last = found[-1].spots[-1] if found[-1].spots else None
+        separates = spot.has(",", "AND", "BUT", "RATHER", "EXCEPT", "CORRECT", "OR", ":")
         everything = last is not None and (
-            last.has("EVERYTHING", "ALL", "ELSE") or (last.thing is not None and last.thing.plural)
+            last.has(*_WHOLE) or (last.thing is not None and last.thing.plural)
         )
         if spot.has("EXCEPT") and spot.has("MORE") and not everything:
             separates = spot.has("AND", "BUT")  # "pesa menos"
@@ -100,20 +89,24 @@ def fragments(spots: Sequence[Spot]) -> list[Fragment]:
             spot.classes = {"EXCEPT": ""}  # "everything but the mug"
         if spot.has("CORRECT") and spot.has("NOT") and len(spots) > 1:
             # A plain "no" negates; "no," corrects.
-            separates = any(o.start == spot.end and o.has(",") for o in spots)
-        if separates:
+            separates = at + 1 < len(spots) and spots[at + 1].has(",")
+        ends = at + 1 == len(spots) or spots[at + 1].has(",", ":")
+        if spot.has("EXCEPT") and ends and part.things:
+            part.intro |= {"EXCEPT"}  # "the hammer excluded"
             spot.used = True
-            if found[-1].spots:
-                found.append(Fragment(frozenset()))
-            found[-1].intro |= frozenset(spot.classes)
-        else:
+            continue
+        if not separates:
             found[-1].spots.append(spot)
-    found = [one for one in found if one.spots]
-    for one, following in pairwise(found):
-        # "No, excuse me, the blue one."
-        if "CORRECT" in one.intro and not one.things and not one.quantities:
-            following.intro |= {"CORRECT"}
-    return found
+            continue
+        spot.used = True
+        carried: frozenset[str] = frozenset()
+        if found[-1].spots:
+            filler = not found[-1].things and not found[-1].quantities
+            if "CORRECT" in found[-1].intro and filler:
+                carried = frozenset({"CORRECT"})  # "No, excuse me, the blue one."
+            found.append(Fragment())
+        found[-1].intro |= frozenset(spot.classes) | carried
+    return [one for one in found if one.spots]
 
 
 @dataclass
@@ -128,6 +121,7 @@ class Reading:
         asked, excluded: the parameters.
         remarks: interpretations of implicit wishes.
         guessed: the reading needs the user's confirmation.
+        looked: a wish for missing values was read, even if nothing is missing.
     """
 
     resolver: Resolver
@@ -166,19 +160,7 @@ class Reading:
         """
         run: list[Fragment] = []
         before: Fragment | None = None
-        says = {name for spot in spots for name in spot.classes}
-        whole = any(
-            part.has("KNOWN")
-            and part.has("EVERYTHING", "ALL", "ELSE")
-            and not part.has("W", "MEASURE")
-            for part in fragments(spots)
-        )
-        if whole and "EXCEPT" in says and not question and not says & {"NOT", "TOKNOW", "MISSING"}:
-            # "Apart from the mug, everything is known."
-            for part in fragments(spots):
-                if "EXCEPT" in part.intro:
-                    self._missing.append(self._things(part.things))
-            return
+        named: Fragment | None = None
         for part in fragments(spots):
             part.wanted = self._polarity(part, before, question)
             if "CORRECT" in part.intro and (part.things or part.quantities):
@@ -188,17 +170,18 @@ class Reading:
             if part.wanted:
                 run.append(part)
             else:
-                self._exclude(part)
-            seen = [id for spot in part.quantities for id in self._ids(spot)]
-            self._seen = seen or self._seen
-            before = part
+                self._exclude(part, named if named is not None and named.wanted else None)
+            named = part if part.things else named
+            self._seen = [id for spot in part.quantities for id in _ids(spot)] or self._seen
+            if part.things or part.quantities or part.has(*_VERBS, "NOT", *_WHOLE):
+                before = part
         self._want([part for part in run if part.wanted], question)
         self._spared = before is not None and not before.wanted
 
     def _polarity(self, part: Fragment, before: Fragment | None, question: bool) -> bool:
         """Return True if a fragment asks for its parameters."""
         denied = part.has("NOT")
-        if "RATHER" in part.intro or "CORRECT" in part.intro:
+        if part.intro & {"RATHER", "CORRECT"} and not (denied and part.things):
             self._base = True
             return True
         if part.has("SKIP", "NEEDLESS") and not part.has("MISSING"):
@@ -208,54 +191,37 @@ class Reading:
         if "EXCEPT" in part.intro:
             return not self._base
         if denied and part.has("YET") and part.has("DONE"):
-            return True
-        stated = (
-            part.has("AMOUNT")
-            and not question
-            and not part.has("WIDTH", "MORE", "C", "THAN", "ABOVE", "BELOW")
-        )
-        stated = stated and not any(
-            spot.classes.get("AMOUNT", " ")[0] in "±+" for spot in part.spots
-        )
-        if stated and (part.things or part.quantities) and not part.has("WANT", "MEASURE"):
+            return True  # "what was never weighed"
+        if part.states and not question:
             self._base = False
             return False
         if part.has("KNOWN") and not part.has("TOKNOW"):
-            wanted = denied or question or part.has("MISSING")
-            self._base = wanted
-            return wanted
-        if denied and part.has("IDEA", "TOKNOW"):
-            return True
-        if denied and self.compares and question:
+            self._base = denied or question or part.has("MISSING")
+            return self._base
+        if denied and (part.has("IDEA", "TOKNOW") or (self.compares and question)):
             return True
         if denied and part.has("WANT", "W", "MEASURE", "DEED", "MISSING", "DONE"):
             self._base = True
             return False
         if denied:
-            # "but not the mug": the opposite of the statement before.
-            if (
-                not part.things
-                and not part.quantities
-                and before is not None
-                and (before.things and before.continues and not before.quantities)
-            ):
+            # "The mug not": the denial belongs to the bodies before.
+            bare = not part.things and not part.quantities and before is not None
+            if bare and before and before.things and before.continues and not before.quantities:
                 before.wanted = not self._base
                 if not before.wanted:
-                    self._exclude(before)
+                    self._exclude(before, None)
                 return before.wanted
             # "It does not wobble" excludes nothing.
             return not self._base or any(spot.unknown for spot in part.spots)
         if before is not None and not before.wanted and part.continues:
-            # "all but the mug: masses"
-            if "EXCEPT" in before.intro and part.quantities and not self._seen:
+            # "All but the mug: masses", "I know the mug, so do the box".
+            listed = "EXCEPT" in before.intro and not self._seen
+            if (part.quantities and (listed or ":" in part.intro)) or "BUT" in part.intro:
                 return True
-            # "except the mug and the box", but "not the mug, the box".
-            contrast = (
-                before.has("NOT", "NEEDLESS")
-                and "AND" not in part.intro
-                and "EXCEPT" not in before.intro
-            )
-            return contrast or bool(part.quantities and part.things and "AND" not in part.intro)
+            if "AND" in part.intro or "EXCEPT" in before.intro:
+                return bool(part.quantities and part.things and "AND" not in part.intro)
+            # "Not the mug, the box", but "except the mug, the box".
+            return before.has("NOT", "NEEDLESS") or bool(part.quantities and part.things)
         if part.has(*_VERBS):
             self._base = True
         return True
@@ -272,10 +238,10 @@ class Reading:
     # Pairing of quantities with bodies.
 
     def _want(self, run: Sequence[Fragment], question: bool) -> None:
-        # "... of the mug, and of the box its friction" begins anew.
         for at, part in enumerate(run):
-            begins = part.spots[0].has("OF") and part.things and part.quantities
-            if at and begins and part.things[0].start < part.quantities[0].start:
+            begins = at and part.spots[0].has("OF") and part.things and part.quantities
+            if begins and part.things[0].start < part.quantities[0].start:
+                # "... of the mug, and of the box its friction" begins anew.
                 self._want(run[:at], question)
                 self._want(run[at:], question)
                 return
@@ -284,69 +250,50 @@ class Reading:
         for spot in spots:
             spot.used = spot.used or (self.simulates and bool(spot.classes.get("DEED")))
         pairs, alone = self._pair(spots)
-        asks = question or any(spot.has("THAN", "ABOVE", "BELOW") for spot in spots)
-        if (
-            not pairs
-            and asks
-            and alone
-            and any(is_weight(s.classes.get("AMOUNT", "")) for s in spots)
-        ):
-            pairs, alone = [(["mass"], alone, False)], list[Thing]()
+        weight = any(is_weight(spot.classes.get("AMOUNT", "")) for spot in spots)
+        limited = question or any(spot.has("THAN", "ABOVE", "BELOW") for spot in spots)
+        if not pairs and alone and weight and limited:
+            pairs, alone = [(["mass"], alone, False)], list[Thing]()  # "is it over 400 g?"
         unweighed = any(part.has("YET") and part.has("DONE") and part.has("NOT") for part in run)
-        if unweighed:  # "what was never weighed"
-            pairs = [
-                (ids, [one for one in things if one.text != "everything"], every)
-                for ids, things, every in pairs or [(["mass"], list[Thing](), False)]
-            ]
+        if unweighed:
+            pairs = pairs or [(["mass"], list[Thing](), False)]
+            pairs = [(ids, [t for t in ts if t.text != "everything"], True) for ids, ts, _ in pairs]
         for ids, things, every in pairs:
             self._quantified = True
             self._last = ids
             for id in ids:
-                self._add(id, things, every or unweighed, spots)
+                self._add(id, things, every)
         if pairs:
-            self._alone_of(alone)
-        elif alone or any(spot.has("EVERYTHING", "ALL", "ELSE") for spot in spots):
+            self._mentions += [alone] if alone else []
+        elif alone or any(spot.has(*_WHOLE) for spot in spots):
             self._without_quantity(run, spots, alone)
         elif any(part.has("MISSING", "VAGUE", "PARAMETERS", "SIMULATE") for part in run):
             self._missing.append([])
         self._previous = self.asked[before:] or self._previous
 
-    def _alone_of(self, alone: list[Thing]) -> None:
-        if alone:
-            self._mentions.append(alone)
-
     def _without_quantity(
         self, run: Sequence[Fragment], spots: Sequence[Spot], alone: list[Thing]
     ) -> None:
         """Interpret bodies without a quantity: those of the last quantity, or all that is missing."""
-        everything = [
-            self._everything(spot)
-            for spot in spots
-            if spot.has("EVERYTHING", "ALL", "ELSE") and not spot.used
-        ]
-        things = alone or everything[:1]
+        everything = [spot for spot in spots if spot.has(*_WHOLE) and not spot.used][:1]
+        things = alone or [self._everything(spot) for spot in everything]
         verb = next((spot.classes["DEED"] for spot in spots if spot.classes.get("DEED")), "")
         missing = any(part.has("MISSING", "VAGUE", "PARAMETERS") for part in run)
+        measures = any(part.has("MEASURE") for part in run) and not self._last
         if self.simulates and verb and alone:
             moved = [one for one in alone if one.text != "everything" and one.names != (GRIPPER,)]
             self._purposes.append((verb, moved or alone))
-        elif missing or (
-            any(part.has("MEASURE") for part in run)
-            and not self._last
-            and not any(spot.unknown for spot in spots)
-        ):
+        elif missing or (measures and not any(spot.unknown for spot in spots)):
             self._missing.append(things)
         elif self._last:
             # A mere body after an exclusion may be meant either way.
-            self.guessed = self.guessed or (
-                self._spared and not run[0].intro & {"BUT", "RATHER"} and not run[0].has("THATOF")
-            )
+            contrast = run[0].intro & {"BUT", "RATHER"} or run[0].has("THATOF")
+            self.guessed = self.guessed or (self._spared and not contrast)
             for id in self._last:
-                self._add(id, things, True, spots)
+                self._add(id, things, True)
         else:
             self._alone += things
-        if alone:
-            self._mentions.append(alone)
+        self._mentions += [alone] if alone else []
 
     def _everything(self, spot: Spot) -> Thing:
         names = tuple(self.resolver.scene.bodies)
@@ -355,117 +302,63 @@ class Reading:
             names = tuple(name for name in names if name not in before | self._named)
         return Thing("everything", names, plural=True)
 
-    def _pair(
-        self, spots: Sequence[Spot]
-    ) -> tuple[list[tuple[list[str], list[Thing], bool]], list[Thing]]:
+    def _pair(self, spots: Sequence[Spot]) -> tuple[list[Pair], list[Thing]]:
         """Pair quantities with bodies; also return the bodies without a quantity."""
-        groups: list[tuple[str, list[Spot]]] = []
-        for at, spot in enumerate(spots):
-            kind = "Q" if spot.is_quantity else "T" if self._is_thing(spot) else ""
-            if self.simulates and spot.has("DEED") and kind == "Q" and not spot.has("N"):
-                kind = ""
-            if not kind:
-                continue
-            if kind == "Q" and self._ends_group(spots, at, groups):
-                groups.append(("Q", []))
-            # "The mass of the bottle and mug friction": the mug belongs to the friction.
-            follows = at + 1 < len(spots) and spots[at + 1].start == spot.end
-            adjacent = kind == "T" and follows and spots[at + 1].has("N", "'S")
-            if adjacent and len(groups) > 1 and groups[-1][0] == "T":
-                groups.append(("T", []))
-            if not groups or groups[-1][0] != kind:
-                groups.append((kind, []))
-            groups[-1][1].append(spot)
-        colon = next((at for at, spot in enumerate(spots) if spot.has(":")), len(spots))
-        rest = spots[colon + 1 :]
-        if any(self._is_thing(spot) for spot in rest) and any(spot.is_quantity for spot in rest):
-            before = [spot for spot in spots[:colon] if self._is_thing(spot)]
-            if before and not any(spot.is_quantity for spot in spots[:colon]):
-                self._mentions.append(self._things(before))
-                return self._pair(rest)
-        if self.compares and len(groups) > 1:
-            both = [
-                [one for kind, members in groups if kind == each for one in members]
-                for each in "QT"
-            ]
-            groups = [("Q", both[0]), ("T", both[1])] if all(both) else groups
-        pairs: list[tuple[list[str], list[Thing], bool]] = []
+        groups = self._groups(spots)
+        pairs: list[Pair] = []
         alone: list[Thing] = []
         used: set[int] = set()
         for at, (kind, members) in enumerate(groups):
             if kind != "Q":
                 continue
-            after = groups[at + 1] if at + 1 < len(groups) and groups[at + 1][0] == "T" else None
-            prior = (
-                groups[at - 1] if at and groups[at - 1][0] == "T" and at - 1 not in used else None
-            )
-            if self._has_its(spots, members[0]) or (
-                prior is not None
-                and after is not None
-                and self._binds_back(spots, members, after, at + 1 == len(groups) - 1)
-            ):
-                after = None
-            if after is not None and prior is not None:
-                alone += self._things(prior[1])
-                used.add(at - 1)
-            chosen, place = (after, at + 1) if after is not None else (prior, at - 1)
+            after = at + 1 if at + 1 < len(groups) and groups[at + 1][0] == "T" else None
+            prior = at - 1 if at and groups[at - 1][0] == "T" and at - 1 not in used else None
+            back = prior is not None and _binds_back(spots, members)
+            chosen = prior if after is None or back or _has_its(spots, members[0]) else after
+            if chosen == after and prior is not None and chosen is not None:
+                alone += self._things(groups[prior][1])
+                used.add(prior)
             things: list[Thing] = []
             if chosen is not None:
-                used.add(place)
-                things = self._things(chosen[1])
-                # "The mug's mass and that of the bottle".
-                if (
-                    place < at
-                    and at + 1 < len(groups)
-                    and groups[at + 1][0] == "T"
-                    and at + 1 not in used
-                    and at + 2 >= len(groups)
-                ):
-                    used.add(at + 1)
-                    things += self._things(groups[at + 1][1])
-            every = any(self._is_every(spots, member) for member in members)
-            every = every or (
-                not self._mentions and any("PLURAL" in one.classes for one in members)
+                used.add(chosen)
+                things = self._things(groups[chosen][1])
+            every = any(_is_every(spots, member) for member in members) or (
+                not self._mentions and any(one.has("PLURAL") for one in members)
             )
-            ids = list(dict.fromkeys(id for member in members for id in self._ids(member)))
             for member in members:
                 member.used = True
+            ids = list(dict.fromkeys(id for member in members for id in _ids(member)))
             pairs.append((ids, things, every))
-            if things:
-                self._mentions.append(things)
+            self._mentions += [things] if things else []
         for at, (kind, members) in enumerate(groups):
             if kind == "T" and at not in used:
                 things = self._things(members)
-                if (
-                    pairs
-                    and at > 0
-                    and any(place < at for place in used)
-                    and not members[0].has("EVERYTHING")
-                ):
+                if used and min(used) < at and pairs and not members[0].has("EVERYTHING"):
                     pairs[-1] = (pairs[-1][0], [*pairs[-1][1], *things], pairs[-1][2])
                 else:
                     alone += things
         return pairs, alone
 
-    def _ends_group(
-        self, spots: Sequence[Spot], at: int, groups: Sequence[tuple[str, list[Spot]]]
-    ) -> bool:
-        """True if a quantity begins a group of its own: "its mass and the friction of the box"."""
-        if not groups or groups[-1][0] != "Q":
-            return False
-        last = groups[-1][1][-1]
-        if self._has_its(spots, last) != self._has_its(spots, spots[at]):
-            return True
-        # "The bottle's mass, the friction of the mug": the first belongs to the body before.
-        back = len(groups) > 1 and groups[-2][0] == "T"
-        return back and self._is_of(spots, at) and not self._is_of(spots, spots.index(last))
-
-    def _is_thing(self, spot: Spot) -> bool:
-        if spot.has("MARK"):
-            return False
-        if spot.thing is not None:
-            return True
-        return spot.has("EVERYTHING", "ELSE") and not spot.used
+    def _groups(self, spots: Sequence[Spot]) -> list[tuple[str, list[Spot]]]:
+        """Group successive quantities (`Q`) and successive bodies (`T`)."""
+        groups: list[tuple[str, list[Spot]]] = []
+        for at, spot in enumerate(spots):
+            kind = "Q" if spot.is_quantity else "T" if _is_thing(spot) else ""
+            if not kind or (
+                self.simulates and spot.has("DEED") and kind == "Q" and not spot.has("N")
+            ):
+                continue
+            # "The mass of the bottle and mug friction": the mug belongs to the friction.
+            follows = at + 1 < len(spots) and spots[at + 1].start == spot.end
+            adjacent = kind == "T" and follows and spots[at + 1].has("N", "'S")
+            anew = adjacent and len(groups) > 1 and groups[-1][0] == "T"
+            if anew or not groups or groups[-1][0] != kind or _ends_group(spots, at, kind, groups):
+                groups.append((kind, []))
+            groups[-1][1].append(spot)
+        kinds = {kind for kind, _ in groups}
+        if self.compares and len(kinds) > 1:
+            return [(each, [o for k, ones in groups if k == each for o in ones]) for each in "QT"]
+        return groups
 
     def _things(self, spots: Sequence[Spot]) -> list[Thing]:
         found: list[Thing] = []
@@ -480,100 +373,53 @@ class Reading:
         self._named.update(name for one in found for name in one.names if one.text != "everything")
         return found
 
-    def _is_of(self, spots: Sequence[Spot], at: int) -> bool:
-        """True if a quantity is followed by "of"."""
-        return at + 1 < len(spots) and spots[at + 1].has("OF", "REL")
-
-    def _has_its(self, spots: Sequence[Spot], spot: Spot) -> bool:
-        """True for "its mass"."""
-        at = spots.index(spot)
-        return at > 0 and spots[at - 1].has("ITS") and not spots[at - 1].has("DET")
-
-    def _binds_back(
-        self,
-        spots: Sequence[Spot],
-        members: Sequence[Spot],
-        after: tuple[str, list[Spot]],
-        last: bool,
-    ) -> bool:
-        """True if quantities belong to the bodies before them, not to those after."""
-        first, end = spots.index(members[0]), spots.index(members[-1])
-        if self._is_of(spots, end) or (
-            members[-1].has("W")
-            and end
-            and spots[end - 1].thing is None
-            and not spots[end - 1].has("NOT")
-        ):
-            return False
-        return first > 0 and (
-            spots[first - 1].thing is not None or spots[first - 1].has("'S", "W", "F")
-        )
-
-    def _is_every(self, spots: Sequence[Spot], spot: Spot) -> bool:
-        """True for all of a quantity: "all masses", "the weights"."""
-        at = spots.index(spot)
-        for one in reversed(spots[:at]):
-            if one.has("ALL") and one.thing is None:
-                one.used = True
-                return True
-            if not one.has("DET", "OF", "F", "MISSING"):
-                break
-        return False
-
-    def _ids(self, spot: Spot) -> tuple[str, ...]:
-        if spot.has("INERTIAL"):
-            return _INERTIAL
-        return tuple(spot.classes[n] for n in (*QUANTITIES, "UNIT") if spot.classes.get(n))[:1]
-
     # Parameters.
 
-    def _add(self, id: str, things: list[Thing], every: bool, spots: Sequence[Spot]) -> None:
+    def _add(self, id: str, things: list[Thing], every: bool) -> None:
         """Ask for a quantity of bodies, else of the last mentioned ones, else of all."""
         resolver = self.resolver
-        things = [one for one in things if one.text]
-        if absent := [one for one in things if not one.names]:
-            raise resolver.absent(absent[0])
-        every_object = tuple(resolver.scene.objects)
+        self._require_present(things)
+        objects = tuple(resolver.scene.objects)
         if self.compares:
-            things = [Thing(t.text, t.names, t.plural or t.names == every_object) for t in things]
+            things = [Thing(t.text, t.names, t.plural or t.names == objects) for t in things]
         can = [one for one in things if resolver.can_have([one], id)]
-        if things and not can and len(self._last) > 1:
-            can = []
-        elif things:
+        if things and (can or len(self._last) < 2):
             self.asked += resolver.parameters(id, can or things)
             return
         # Without bodies: the last mentioned ones that can have the quantity.
-        for before in reversed(self._mentions):
+        for before in reversed(self._mentions if not every else []):
             fit = [one for one in before if one.names and resolver.can_have([one], id)]
-            if fit and not every:
+            if fit:
                 fit = [Thing(t.text, t.names, True) for t in fit] if self.compares else fit
                 self.asked += resolver.parameters(id, fit)
                 return
-        carriers = resolver.carriers(id)
-        if len(carriers) == 1 or every or self.compares:
+        if len(resolver.carriers(id)) == 1 or every or self.compares:
             self.asked += resolver.parameters(id, [])
             return
         raise PlanRejected(resolver.of_what(id))
 
-    def _exclude(self, part: Fragment) -> None:
-        """Exclude the parameters of a fragment."""
+    def _require_present(self, things: Iterable[Thing]) -> None:
+        if absent := [one for one in things if not one.names and one.text]:
+            raise self.resolver.absent(absent[0])
+
+    def _exclude(self, part: Fragment, named: Fragment | None) -> None:
+        """Exclude the parameters of a fragment; `named` has the bodies before it, if wanted."""
         things = [one for one in self._things(part.things) if one.names]
         things += [self._everything(spot) for spot in part.spots if spot.has("EVERYTHING", "ELSE")]
-        ids = [id for spot in part.quantities for id in self._ids(spot)]
+        ids = [id for spot in part.quantities for id in _ids(spot)]
         for spot in part.quantities:
             spot.used = True
         if part.has("THATOF") and not ids:
             ids = self._seen
         refers = part.has("ITS") or part.spots[0].has("WHICH", "SOMETHING")
-        if ids and not things and refers and self._mentions:
-            things = self._mentions[-1]
+        if ids and not things and refers and (named is not None or self._mentions):
+            # "The mug: I know its mass already."
+            things = self._things(named.things) if named is not None else self._mentions[-1]
         if things or ids:
             for id in ids or [None]:
                 self.excluded.update(self.resolver.exclusions(id, things))
-        if ids:
-            self._last = ids
-        if things:
-            self._mentions.append(things)
+        self._last = ids or self._last
+        self._mentions += [things] if things else []
 
     def finish(self) -> None:
         """Complete the parameters after the last sentence.
@@ -583,25 +429,17 @@ class Reading:
         """
         if self._purposes and not self._quantified:
             self._aim()
-        elif not self._quantified and self._missing:
-            for things in self._missing:
-                self._miss(things)
-        elif not self._quantified and self._alone and self.bare:
-            self._miss(self._alone)
-        elif self._missing:
-            for things in self._missing:
-                if things:
-                    self._miss(things)
-
-    def _miss(self, things: Iterable[Thing]) -> None:
-        """Ask for all missing parameters of bodies, or of the whole scene."""
-        things = list(things)
-        if absent := [one for one in things if not one.names]:
-            raise self.resolver.absent(absent[0])
-        found, remark = self.resolver.missing(things)
-        self.asked += found
-        self.looked = True
-        self.remarks.append(remark)
+            return
+        # Beside a quantity, "what is missing" without bodies is a remark.
+        missing = [one for one in self._missing if one or not self._quantified]
+        if not self._quantified and not missing and self._alone and self.bare:
+            missing = [self._alone]
+        for things in missing:
+            self._require_present(things)
+            found, remark = self.resolver.missing(things)
+            self.asked += found
+            self.looked = True
+            self.remarks.append(remark)
 
     def _aim(self) -> None:
         """Ask for the quantities that a simulated action depends on.
@@ -610,8 +448,7 @@ class Reading:
         """
         offered: list[Parameter] = []
         for verb, things in self._purposes:
-            if absent := [one for one in things if not one.names]:
-                raise self.resolver.absent(absent[0])
+            self._require_present(things)
             for id in quantities_by_verb().get(verb, ()):
                 for one in self.resolver.parameters(id, things):
                     (offered if self.resolver.is_assumed(one) else self.asked).append(one)
@@ -621,4 +458,59 @@ class Reading:
         self.looked = True
 
 
-__all__ = ["Fragment", "InputError", "Reading", "fragments"]
+def _ids(spot: Spot) -> tuple[str, ...]:
+    if spot.has("INERTIAL"):
+        return _INERTIAL
+    return tuple(spot.classes[n] for n in (*QUANTITIES, "UNIT") if spot.classes.get(n))[:1]
+
+
+def _is_thing(spot: Spot) -> bool:
+    if spot.has("MARK"):
+        return False
+    return spot.thing is not None or (spot.has("EVERYTHING", "ELSE") and not spot.used)
+
+
+def _ends_group(
+    spots: Sequence[Spot], at: int, kind: str, groups: Sequence[tuple[str, list[Spot]]]
+) -> bool:
+    """True if a quantity begins a group of its own: "its mass and the friction of the box"."""
+    if kind != "Q":
+        return False
+    last = groups[-1][1][-1]
+    if _has_its(spots, last) != _has_its(spots, spots[at]):
+        return True
+    # "The bottle's mass, the friction of the mug": the first belongs to the body before.
+    back = len(groups) > 1 and groups[-2][0] == "T"
+    return back and _is_of(spots, at) and not _is_of(spots, spots.index(last))
+
+
+def _is_of(spots: Sequence[Spot], at: int) -> bool:
+    """True if a quantity is followed by "of"."""
+    return at + 1 < len(spots) and spots[at + 1].has("OF", "REL")
+
+
+def _has_its(spots: Sequence[Spot], spot: Spot) -> bool:
+    """True for "its mass"."""
+    at = spots.index(spot)
+    return at > 0 and spots[at - 1].has("ITS") and not spots[at - 1].has("DET")
+
+
+def _binds_back(spots: Sequence[Spot], members: Sequence[Spot]) -> bool:
+    """True if quantities belong to the bodies before them, not to those after."""
+    first, end = spots.index(members[0]), spots.index(members[-1])
+    before = spots[end - 1]
+    verb = members[-1].has("W") and end and before.thing is None and not before.has("NOT")
+    if _is_of(spots, end) or verb or not first:
+        return False
+    return spots[first - 1].thing is not None or spots[first - 1].has("'S", "W", "F")
+
+
+def _is_every(spots: Sequence[Spot], spot: Spot) -> bool:
+    """True for all of a quantity: "all masses", "the weights"."""
+    for one in reversed(spots[: spots.index(spot)]):
+        if one.has("ALL") and one.thing is None:
+            one.used = True
+            return True
+        if not one.has("DET", "OF", "F", "MISSING"):
+            break
+    return False
