@@ -10,8 +10,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from palpate.estimation.evidence import once
 from palpate.trace.recording import Context, Conversion, LeafRun, NominalHand, Recording
-from palpate.trace.samples import FORCES, Samples, Trace, once
+from palpate.trace.samples import FORCES, Samples, Trace
 
 HAND = NominalHand(0.009, 0.15, 0.01, 1e-4)
 WIDTHS = {

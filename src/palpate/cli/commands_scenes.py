@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from palpate.cli.console import out
 from palpate.cli.options import (
     ASKED,
     LOOK,
@@ -168,7 +169,10 @@ def tags(
     ] = Path("tags.pdf"),
 ) -> None:
     """Write a sheet of tags to print, as a PDF at its exact size."""
-    from palpate.cli.show_arms import show_sheet
     from palpate.runs.tools import tag_sheet
 
-    show_sheet(output, tag_sheet(output, numbers, size))
+    pages = tag_sheet(output, numbers, size)
+    out.print(
+        f"{pages} page{'s' * (pages > 1)} written to {output}; print at 100 %, and measure the line of 100 mm",
+        markup=False,
+    )

@@ -37,7 +37,10 @@ def main() -> None:
         except Exception as error:
             status = _report_error(error)
         if status == INTERRUPTED:
-            status = _report_interrupt(signals.reason)
+            from palpate.cli.console import print_error
+            from palpate.common.errors import ExecutionAborted
+
+            status = print_error(ExecutionAborted(signals.reason), "--json" in sys.argv)
         elif signals.count and status in (0, 1):
             from palpate.cli.console import say
 
@@ -95,13 +98,6 @@ def _flush_stdout() -> bool:
             sys.stdout.flush()
         return False
     return True
-
-
-def _report_interrupt(reason: str) -> int:
-    from palpate.cli.console import print_error
-    from palpate.common.errors import ExecutionAborted
-
-    return print_error(ExecutionAborted(reason), "--json" in sys.argv)
 
 
 def _report_error(error: Exception) -> int:

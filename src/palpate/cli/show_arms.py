@@ -279,11 +279,3 @@ def _remark(seen: Seen, console: SafeConsole) -> None:
         console.print(note, markup=False)
     if seen.unseen:
         console.print(f"not seen: {', '.join(seen.unseen)}", markup=False)
-
-
-def show_sheet(file: Path, pages: int) -> None:
-    """Print the path of the tags."""
-    out.print(
-        f"{pages} page{'s' * (pages > 1)} written to {file}; print at 100 %, and measure the line of 100 mm",
-        markup=False,
-    )

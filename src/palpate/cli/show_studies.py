@@ -35,14 +35,28 @@ EFFORT = (
 def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: bool) -> None:
     """Print estimates against the truth, scenario by scenario."""
     if as_json:
-        scenarios = [_seed_runs_json(name, found) for name, found in runs.items()]
+        scenarios = [
+            {
+                "scenario": name,
+                "statuses": _statuses(found),
+                "actions": found[0].actions,
+                "robot_seconds": _robot_seconds(found),
+                "rows": [asdict(row) for row in summarise(found)],
+            }
+            for name, found in runs.items()
+        ]
         print_json({"title": title, "scenarios": scenarios})
         return
     shown = SafeConsole(highlight=False, width=max(out.width, SUMMARY_WIDTH))
     shown.print(Text(title, "italic"))
     for name, found in runs.items():
         shown.print(Text(name, "bold"))
-        shown.print(_summary_table(found), Text(_endings_text(found), "dim"), sep="\n")
+        ended = ", ".join(f"{count} {status}" for status, count in _statuses(found).items())
+        shown.print(
+            _summary_table(found),
+            Text(f"{ended}; {found[0].actions} actions, {_robot_seconds(found):.1f} s", "dim"),
+            sep="\n",
+        )
 
 
 def _summary_table(runs: Sequence[SeedRun]) -> Table:
@@ -58,16 +72,6 @@ def _summary_table(runs: Sequence[SeedRun]) -> Table:
     for row in rows:
         table.add_row(*row)
     return table
-
-
-def _seed_runs_json(name: str, runs: Sequence[SeedRun]) -> dict[str, Any]:
-    return {
-        "scenario": name,
-        "statuses": _statuses(runs),
-        "actions": runs[0].actions,
-        "robot_seconds": _robot_seconds(runs),
-        "rows": [asdict(row) for row in summarise(runs)],
-    }
 
 
 def _summary_cells(row: Summary) -> list[str]:
@@ -90,12 +94,6 @@ def _figure(value: float | None, form: str) -> str:
     return "–" if value is None else format(value, form)
 
 
-def _endings_text(runs: Sequence[SeedRun]) -> str:
-    """Format the ends of the runs, and their effort."""
-    ended = ", ".join(f"{count} {status}" for status, count in _statuses(runs).items())
-    return f"{ended}; {runs[0].actions} actions, {_robot_seconds(runs):.1f} s"
-
-
 def _statuses(runs: Sequence[SeedRun]) -> dict[str, int]:
     return dict(Counter(run.status for run in runs))
 
@@ -109,7 +107,19 @@ def show_comparisons(
 ) -> None:
     """Print the effort of both planners, and the time that intent saves."""
     if as_json:
-        print_json({"scenarios": [_comparison_json(row) for row in rows]})
+        print_json(
+            {
+                "scenarios": [
+                    {
+                        "scenario": row.scenario,
+                        "exhaustive": _seed_run_json(row.exhaustive),
+                        "intent": _seed_run_json(row.intent),
+                        "time_saved": row.time_saved,
+                    }
+                    for row in rows
+                ]
+            }
+        )
         return
     cells: list[list[str]] = []
     for row in rows:
@@ -128,15 +138,6 @@ def show_comparisons(
 
 def _effort_cells(run: SeedRun) -> tuple[str, str]:
     return str(run.actions), f"{run.robot_seconds:.1f}"
-
-
-def _comparison_json(row: PlannerComparison) -> dict[str, Any]:
-    return {
-        "scenario": row.scenario,
-        "exhaustive": _seed_run_json(row.exhaustive),
-        "intent": _seed_run_json(row.intent),
-        "time_saved": row.time_saved,
-    }
 
 
 def _seed_run_json(run: SeedRun) -> dict[str, Any]:

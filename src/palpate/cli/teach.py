@@ -48,7 +48,10 @@ def give_lesson(asked: Settings, file: Path) -> None:
             except InputError as error:
                 said = str(error)
             err.print(said, markup=False)
-            _tell_missing(taught)
+            if taught.missing:
+                err.print(f"still missing: {', '.join(taught.missing)}", markup=False)
+            else:
+                err.print("every object is taught", markup=False)
     except KeyboardInterrupt:
         # An interrupted lesson keeps the poses so far.
         if taught.content:
@@ -119,10 +122,3 @@ def _metres(number: tuple[str, str]) -> float:
         )
         raise InputError(f"{value}{unit or ' m'} is out of every arm's reach{meant}")
     return length
-
-
-def _tell_missing(taught: Lesson) -> None:
-    if taught.missing:
-        err.print(f"still missing: {', '.join(taught.missing)}", markup=False)
-    else:
-        err.print("every object is taught", markup=False)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import Field, dataclass, fields, is_dataclass
 from importlib.metadata import EntryPoint, entry_points
 from types import ModuleType
@@ -22,25 +22,15 @@ from palpate.common.errors import InputError, unknown_name
 T = TypeVar("T")
 
 
-class Registry(Mapping[str, T]):
+class Registry(dict[str, T]):
     """Parts by name: palpate's own first, then those of other packages. The first part of a name stays."""
 
     kind: ClassVar[str]  # Word for a part in messages
 
-    def __init__(self, parts: Mapping[str, T] | Iterator[tuple[str, T]]) -> None:
-        self._parts: dict[str, T] = {}
-        pairs = parts.items() if isinstance(parts, Mapping) else parts
-        for name, part in pairs:
-            self._parts.setdefault(name, part)
-
-    def __getitem__(self, name: str) -> T:
-        return self._parts[name]
-
-    def __iter__(self) -> Iterator[str]:
-        return iter(self._parts)
-
-    def __len__(self) -> int:
-        return len(self._parts)
+    def __init__(self, parts: Mapping[str, T] | Sequence[tuple[str, T]]) -> None:
+        super().__init__()
+        for name, part in parts.items() if isinstance(parts, Mapping) else parts:
+            self.setdefault(name, part)
 
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {', '.join(self)}>"
@@ -48,9 +38,9 @@ class Registry(Mapping[str, T]):
     def named(self, name: str, hint: str = "", meant: str | None = None) -> T:
         """Return the part of that name; `hint` and `meant` are those of `unknown_name`. Raises
         InputError: unknown; the message lists the valid names."""
-        if name not in self._parts:
+        if name not in self:
             raise unknown_name(self.kind, name, self, hint, meant)
-        return self._parts[name]
+        return self[name]
 
 
 def offered(group: str) -> Iterator[object]:

@@ -47,6 +47,7 @@ from palpate.estimation.estimate import (
     not_identified,
     unit_slopes,
 )
+from palpate.estimation.evidence import once
 from palpate.estimation.joint_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS
 from palpate.estimation.joint_friction import FLOOR
 from palpate.estimation.load_noise import load_rows
@@ -70,7 +71,7 @@ from palpate.estimation.wrench_observation import (
 )
 from palpate.mjcf.body import Body
 from palpate.trace.recording import ArmLog, Recording
-from palpate.trace.samples import Trace, once
+from palpate.trace.samples import Trace
 
 CARRIED_PRIOR = (30.0, 10.0, 1.0)
 """kg, kg m and kg m² (1 sigma): wide prior of mass, first moment and inertia of a load, about which

@@ -10,13 +10,14 @@ import numpy as np
 from palpate.common.pose import Array, Joint
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
+from palpate.estimation.evidence import once
 from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS, gain_cause
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
 from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
 from palpate.estimation.wrench_observation import GAIN, WrenchObservation, gain_root, observe
 from palpate.trace.recording import Recording
-from palpate.trace.samples import Trace, once
+from palpate.trace.samples import Trace
 
 HANDLE_BLOCK = 0.2
 """s. Length of the blocks over which the force along a joint is averaged. Two blocks have to fit into the shortest ramp

@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.coloured_residual import ColouredResidual, learn_residual
+from palpate.estimation.evidence import once
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, PRESLIDING, SLIP_ANGLES
 from palpate.estimation.load_blocks import Blocks, blocks, free_rows, rows_in_free_air
 from palpate.estimation.load_noise import SignalLevels, block_noise, flicker, load_rows
@@ -29,7 +30,7 @@ from palpate.estimation.wrench_observation import (
     observe,
 )
 from palpate.trace.recording import NominalHand
-from palpate.trace.samples import Trace, once
+from palpate.trace.samples import Trace
 
 DRIFT = 0.033
 """N (1 sigma): drift of the sensors' zero; 0.01 N m in a joint. No published figure: about 0.2

@@ -22,9 +22,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from palpate.common.pose import Array
+from palpate.estimation.evidence import once
 from palpate.estimation.motion import Mask, smooth_rows
 from palpate.estimation.wrench_observation import observe
-from palpate.trace.samples import Samples, Trace, once
+from palpate.trace.samples import Samples, Trace
 
 LEAST_TRAVEL = 0.7
 """fraction of its level that the slowest friction must reach in both directions, 12 mrad after a

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, rotations
 from palpate.estimation.coloured_residual import Spans
+from palpate.estimation.evidence import once
 from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load_noise import LoadRows, load_rows
 from palpate.estimation.motion import (
@@ -24,7 +25,7 @@ from palpate.estimation.motion import (
 from palpate.estimation.rigid_bodies import wrenches_of_load
 from palpate.estimation.wrench_observation import FOLLOWED, WrenchObservation
 from palpate.trace.recording import RECORDED
-from palpate.trace.samples import Samples, Trace, once
+from palpate.trace.samples import Samples, Trace
 
 CLEARANCE = 0.015
 """m of the path above the grasp that is left out, as the support may still carry part of the object

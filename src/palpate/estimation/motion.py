@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.estimate import FitView
+from palpate.estimation.evidence import once
 from palpate.trace.recording import NominalHand, Recording
-from palpate.trace.samples import Samples, Trace, once
+from palpate.trace.samples import Samples, Trace
 
 SETTLE = 0.15
 """s after the commanded pose stopped moving: transient of the impedance controller. Sensitive: mass

@@ -21,6 +21,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose
 from palpate.estimation.coloured_residual import ColouredResidual, Spans
+from palpate.estimation.evidence import once
 from palpate.estimation.joint_causes import of_empty_hand
 from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load_blocks import CLEARANCE, joint_travel, rows_in_free_air
@@ -47,7 +48,7 @@ from palpate.estimation.motion import (
 )
 from palpate.estimation.wrench_observation import FOLLOWED, WrenchObservation, observe
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Samples, Trace, once
+from palpate.trace.samples import FORCES, Samples, Trace
 
 TURN_BINS = 8
 """number of bins of a turn, to a tilt or about the vertical; the first and the last are left out.

@@ -23,6 +23,7 @@ import numpy as np
 from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
+from palpate.estimation.evidence import once
 from palpate.estimation.load_blocks import free_rows
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
@@ -30,7 +31,7 @@ from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.estimation.rigid_bodies import PARAMETERS, wrench_columns
 from palpate.trace.recording import WrenchSensor
 from palpate.trace.samples import STANDARD_GRAVITY as GRAVITY
-from palpate.trace.samples import Samples, Trace, once
+from palpate.trace.samples import Samples, Trace
 
 BLOCK = 0.1
 """s: shortest block of rows that is averaged. Not sensitive."""

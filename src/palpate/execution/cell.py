@@ -12,13 +12,13 @@ import numpy as np
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
+from palpate.robots.description import RobotDescription
 from palpate.robots.robot import Robot
+from palpate.scene.poses import CameraEntry
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
     from palpate.perception.film import Footage
-    from palpate.robots.description import RobotDescription
-    from palpate.scene.poses import CameraEntry
 
 
 DECIMALS = 4  # Decimals of taught values: 0.1 mm and 0.1 mrad, finer than a hand can be guided

@@ -10,14 +10,14 @@ from typing import TYPE_CHECKING
 from palpate.common.errors import InputError, Unavailable
 from palpate.common.extensions import Registry, offered
 from palpate.common.pose import Pose
-from palpate.execution.cell import Cell, Driver, Finding
+from palpate.execution.cell import Cell, Driver, Finding, GuidedHand
+from palpate.robots.description import RobotDescription
+from palpate.robots.franky import doctor
 from palpate.robots.franky.control_box import SCHEME, Address, clear, read_address, require_answer
+from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
-    from palpate.execution.cell import GuidedHand
-    from palpate.robots.description import RobotDescription
     from palpate.robots.franky.robot import FrankyRobot
-    from palpate.scene.scene import Scene
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -62,8 +62,6 @@ def connect(url: str, scene: Scene | None) -> FrankyCell:
 
 def examine(url: str, arm: RobotDescription, may_hold: Callable[[], bool]) -> Iterator[Finding]:
     """Run the diagnostic checks of the arm at a URL; see `Driver`."""
-    from palpate.robots.franky import doctor
-
     # Without a scene, the arm's base is the origin of the world.
     origin = arm.stands(Pose.of((0.0, 0.0, 0.0)))
     return doctor.examine(read_address(url), arm, origin, may_hold)
@@ -111,4 +109,4 @@ class Drivers(Registry[Driver]):
 def drivers() -> Drivers:
     """Palpate's own drivers and those of the entry-point group `palpate.cells`."""
     others = (part for part in offered("palpate.cells") if isinstance(part, Driver))
-    return Drivers((one.scheme, one) for one in (driver, *others))
+    return Drivers([(one.scheme, one) for one in (driver, *others)])

@@ -15,7 +15,7 @@ from palpate.common.belief import SURE
 from palpate.common.pose import Array, Joint, Pose
 from palpate.mjcf.document import Element, has_unknown
 from palpate.mjcf.elements import Defaults, Elements, Role, has_open_height
-from palpate.mjcf.shapes import Shapes, box_around
+from palpate.mjcf.shapes import Shapes
 
 # Names of geoms of a fixture, or of bodies around them, that identify its handle.
 HANDLE = re.compile(r"handle|knob|grip|latch|lever", re.IGNORECASE)
@@ -139,7 +139,10 @@ class BodyDescription:
 
     def box(self) -> tuple[Array, Array]:
         """Compute centre and full extents (3,), m, of the box around it in its own frame."""
-        return box_around(self.pose_world, self.cloud)
+        # Express the points in the frame, and take their extremes.
+        local = (self.cloud - self.pose_world.position) @ self.pose_world.rotation
+        low, high = local.min(axis=0), local.max(axis=0)
+        return (low + high) / 2, high - low
 
     def footing(self) -> Array:
         """Compute the middle (3,), m, of the bottom of its world-aligned box."""
@@ -249,7 +252,7 @@ class Body:
         """Test if the vertical line through a point meets its box."""
         pose = pose_world or self.pose_world
         at_x, at_y, _ = pose.position.tolist()
-        if not self.is_near(x - at_x, y - at_y):  # most bodies are far away
+        if math.hypot(x - at_x, y - at_y) > self.reach:  # most bodies are far away
             return False
         # Slab method: the vertical line is within all three pairs of the box's faces.
         down = pose.rotation[2]
@@ -257,14 +260,6 @@ class Body:
         along = np.where(np.abs(down) > 1e-9, down, 1e-9)
         near, far = (-start - self.size / 2) / along, (-start + self.size / 2) / along
         return bool(np.minimum(near, far).max() <= np.maximum(near, far).min() + 1e-9)
-
-    def is_near(self, x: float, y: float, margin: float = 0.0) -> bool:
-        """Test if a point may be within `margin` m of its box; a quick bound.
-
-        `x` and `y`, m, are the point's offsets from the origin of its frame. False means that the point is
-        farther away.
-        """
-        return math.hypot(x, y) <= self.reach + margin
 
     def _vertical(self, pose: Pose) -> tuple[float, float]:
         """Compute world z of the middle of its box, and half its extent along z, m."""

@@ -12,7 +12,7 @@ import re
 import struct
 import zlib
 from collections import defaultdict
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from math import inf, prod
 from pathlib import Path
 from typing import BinaryIO
@@ -74,16 +74,16 @@ _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 
 # Bytes per point in a binary mesh file: a triangle of an STL has 50 for three points.
 _POINT_BYTES = 16
 _SDF_BYTES = 1_000_000  # Equivalent file size of a mesh made by an SDF plugin, which takes 0.5 s
-# Test if MuJoCo gets an element; elements that are removed with a robot are left out.
-Loaded = Callable[[Element], bool]
+# Elements that MuJoCo gets; those that are removed with a robot are left out.
+Loaded = Collection[Element]
 # Prefix of MuJoCo's own plugins; other plugins would have to be loaded as code.
 _BUILT_IN = "mujoco."
 
 
 def require_limits(
-    document: Document, where: str = "the scene", is_loaded: Loaded = lambda _: True
+    document: Document, where: str = "the scene", loaded: Loaded | None = None
 ) -> None:
-    """Check the size of a scene, with the models that it attaches and the assets that are loaded.
+    """Check the size of a scene, with the models that it attaches and its `loaded` assets, by default all.
 
     Raises:
         InputError: an amount beyond its limit, a picture that unpacks to too many bytes, or a plugin
@@ -93,39 +93,41 @@ def require_limits(
         for element in elements(model.root):
             _require_sizes(element, where)
     # Amounts in files, then those of every element with its copies.
-    files = _file_amounts(document, is_loaded)
+    files = _file_amounts(document, loaded)
     total: defaultdict[str, float] = defaultdict(float)
     # Amounts are summed during the walk and refused at the first excess, so that a bomb is never walked to
     # its end.
     for element, own, copies in _copies(document):
         # An `<attach>` copies the assets of its model once, even inside a `<replicate>`.
         amounts = [(ELEMENTS, own), (REPLICATED, max(own - 1.0, 0.0)), (COPIES, copies)]
-        counted = _amounts(element) if is_loaded(element) else ()
+        counted = _amounts(element) if loaded is None or element in loaded else ()
         for what, amount in (*counted, *files.get(element, ())):
             amounts.append((what, amount * (copies if what == POINTS else 1.0)))
         for what, amount in amounts:
             total[what] += amount
             if total[what] > LIMITS[what]:
-                raise _too_many(element, where, what)
+                raise InputError(
+                    f"{where}: with {label(element)} the scene has more than {LIMITS[what]} {what}; use fewer"
+                )
 
 
-def has_large_textures(document: Document, is_loaded: Loaded) -> bool:
+def has_large_textures(document: Document, loaded: Loaded) -> bool:
     """Test if textures have too many pixels in total, or unpack to more bytes than allowed."""
     try:
-        require_limits(document, is_loaded=lambda one: one.tag == "texture" and is_loaded(one))
+        require_limits(document, loaded={one for one in loaded if one.tag == "texture"})
     except InputError:
         return True
     return False
 
 
-def mesh_bytes(document: Document, is_loaded: Loaded) -> float:
+def mesh_bytes(document: Document, loaded: Loaded) -> float:
     """Sum the bytes of the loaded meshes of a scene and its attached models, in files and in the text."""
     total = 0.0
     for named in document.named:
-        if named.element.tag == "mesh" and is_loaded(named.element):
+        if named.element.tag == "mesh" and named.element in loaded:
             total += named.path.stat().st_size
-    for model in (document, *document.attached().values()):
-        for mesh in filter(is_loaded, model.root.iter("mesh")):
+    for mesh in loaded:
+        if mesh.tag == "mesh":
             total += sum(amount for what, amount in _amounts(mesh) if what == MESHES)
     return total
 
@@ -182,12 +184,15 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
             pass
 
 
-def _file_amounts(document: Document, is_loaded: Loaded) -> dict[Element, list[tuple[str, float]]]:
+def _file_amounts(
+    document: Document, loaded: Loaded | None
+) -> dict[Element, list[tuple[str, float]]]:
     """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, other files' bytes."""
     found: dict[Element, list[tuple[str, float]]] = {}
     pixels: dict[Path, int] = {}
     for named in document.named:
-        if named.element.tag in ("include", "model") or not is_loaded(named.element):
+        is_counted = loaded is None or named.element in loaded
+        if named.element.tag in ("include", "model") or not is_counted:
             continue
         # A picture adds its pixels, another file its bytes.
         path, amounts = named.path, found.setdefault(named.element, [])
@@ -278,12 +283,6 @@ def _require_sizes(element: Element, where: str) -> None:
             f"{where}: {label(element)} needs the plugin '{plugin[:60]}', which is foreign code; "
             f"only MuJoCo's own plugins ('{_BUILT_IN}…') are loaded: remove it"
         )
-
-
-def _too_many(element: Element, where: str, what: str) -> InputError:
-    return InputError(
-        f"{where}: with {label(element)} the scene has more than {LIMITS[what]} {what}; use fewer"
-    )
 
 
 def _limit_error(element: Element, where: str, attribute: str, limit: object) -> InputError:

@@ -62,8 +62,8 @@ class ModelTree:
         roots = {path: twin_of[model.root] for path, model in attached.items()}
         return cls(twin_of[document.root], roots, twin_of, document.folder)
 
-    def is_loaded(self) -> Loaded:
-        """Make a test if the original of an element is in this tree, or in a model that it still names."""
+    def loaded(self) -> Loaded:
+        """Return the document's elements that are in this tree, or in a model that it still names."""
         # Models that are reachable by the names in `<asset>`.
         roots, pending = {self.root}, [self.root]
         while pending:
@@ -74,7 +74,7 @@ class ModelTree:
                     pending.append(named)
         # A removed element still has the document's root in lxml: only a walk shows the present elements.
         there = {element for root in roots for element in elements(root)}
-        return lambda element: self.twin_of[element] in there
+        return {element for element, twin in self.twin_of.items() if twin in there}
 
 
 def without_robots(document: Document, roles: Roles) -> ModelTree:
@@ -99,11 +99,11 @@ def model_tree(
         for keyframe in root.findall("keyframe"):
             root.remove(keyframe)
     _remove_robots(tree, document, roles)
-    is_loaded = tree.is_loaded()
-    if not is_drawn or has_large_textures(document, is_loaded):
+    loaded = tree.loaded()
+    if not is_drawn or has_large_textures(document, loaded):
         for root in (tree.root, *tree.attached.values()):
             _remove_textures(root)
-    return replace(tree, mesh_bytes=mesh_bytes(document, is_loaded))
+    return replace(tree, mesh_bytes=mesh_bytes(document, loaded))
 
 
 def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:

@@ -148,11 +148,6 @@ def half_height_index(geom: Element, defaults: Defaults) -> int | None:
     return {"box": 2, "cylinder": 1}.get(defaults.attribute(geom, "type") or "sphere")
 
 
-def own_geoms(body: Element) -> tuple[Element, ...]:
-    """Return the geoms of a body without those of bodies below it."""
-    return tuple(child for child in through_frames(body) if child.tag == "geom")
-
-
 def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
     """Return the geoms that can collide (`contype` or `conaffinity` not 0); all where none can."""
     # An absent mask has MuJoCo's default, 1.

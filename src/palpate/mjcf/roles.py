@@ -31,7 +31,6 @@ from palpate.mjcf.elements import (
     inertial_of,
     is_free,
     meets_hand,
-    own_geoms,
     through_frames,
 )
 
@@ -251,7 +250,12 @@ def _sort_body(body: Element, found: Roles, model: _Model) -> None:
             _add_object(body, found, model)
     elif not has_joint(body):  # fixed in the world: it may carry objects
         if body.get("name") and body.get("mocap") != "true":
-            _add_surface(body, own_geoms(body), found, model)
+            _add_surface(
+                body,
+                tuple(child for child in through_frames(body) if child.tag == "geom"),
+                found,
+                model,
+            )
         _walk(body, found, model, world=not body.get("name"))
     elif body.get("name") and (joint := hinged_by(body, found.defaults)) is not None:
         _add_fixture(body, joint, found, model)

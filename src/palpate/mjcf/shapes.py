@@ -311,11 +311,3 @@ def _pose(position: Array, matrix: Array) -> Pose:
 
 
 RESTING = 0.02  # m: largest distance of an object's bottom from the top that it rests on
-
-
-def box_around(pose: Pose, cloud: Array) -> tuple[Array, Array]:
-    """Compute centre and size (3,), m, of the box around world points (k, 3), in the frame `pose`."""
-    # Express the points in the frame, and take their extremes.
-    local = (cloud - pose.position) @ pose.rotation
-    low, high = local.min(axis=0), local.max(axis=0)
-    return (low + high) / 2, high - low

@@ -207,7 +207,9 @@ def _refine_corners(grey: Grey, corners: Array, lens: Lens) -> tuple[Array, floa
     # Fit lines in the undistorted picture and distort their intersections.
     straight = undistort(lens, points.reshape(-1, 2)).reshape(points.shape)
     meetings, bent = _meetings(straight, np.sqrt(weight) + FAINT)
-    return _distort(lens, meetings), bent
+    # Distort the pixels of the ideal pinhole by the lens.
+    rays = np.column_stack([meetings, np.ones(len(meetings))]) @ np.linalg.inv(lens.matrix).T
+    return lens.project(rays), bent
 
 
 def _meetings(points: Array, weights: Array) -> tuple[Array, float]:
@@ -228,9 +230,3 @@ def _meetings(points: Array, weights: Array) -> tuple[Array, float]:
     lines = np.stack([np.roll(normals, 1, axis=0), normals], axis=1)
     right = np.stack([np.roll(offsets, 1), offsets], axis=1)[..., None]
     return np.linalg.solve(lines, right)[..., 0], float(np.sqrt(spread[:, 0].max(initial=0.0)))
-
-
-def _distort(lens: Lens, pixels: Array) -> Array:
-    """Distort pixels (n, 2) of an ideal pinhole by the lens."""
-    rays = np.column_stack([pixels, np.ones(len(pixels))]) @ np.linalg.inv(lens.matrix).T
-    return lens.project(rays)

@@ -20,7 +20,7 @@ from palpate.common.pose import Array, Pose
 from palpate.perception.detection import detect, sharpness
 from palpate.perception.hand_eye import Hand, calibrated_camera
 from palpate.perception.lens import Lens, Mount
-from palpate.perception.pose_estimators import estimate_poses
+from palpate.perception.pose_estimators import exchange_document, parse_answer, request
 from palpate.perception.renderer import png
 from palpate.perception.solve import Estimated, Problem, Solution, UnknownBody, solve
 from palpate.perception.tags import SceneTag, tags_of
@@ -229,7 +229,10 @@ def look(
     # The estimator receives the sharpest picture.
     estimates: dict[str, Estimated] = {}
     if estimator is not None:
-        estimates = estimate_poses(estimator, scene, max(pictures, key=sharpness), lens, depth)
+        answer = exchange_document(
+            estimator, request(scene, max(pictures, key=sharpness), lens, depth)
+        )
+        estimates = parse_answer(answer, scene.objects)
     # Fit camera and bodies jointly, then report the objects and the surfaces with measured heights.
     problem = Problem(lens, seen, tags, things_of(scene), mount, estimates)
     found = solve(problem)

@@ -147,21 +147,6 @@ LEAST_STD = 1e-6  # m or rad. Minimum accepted standard deviation.
 SHOWN = 2  # Last visible geom group, as in MuJoCo's viewer
 
 
-def estimate_poses(
-    source: str,
-    scene: Scene,
-    picture: NDArray[np.uint8],
-    lens: Lens,
-    depth: NDArray[np.uint16] | None = None,
-) -> dict[str, Estimated]:
-    """Estimate the poses of a scene's objects in a picture (height, width, 3), RGB, by a command or URL.
-
-    `depth` (height, width) holds distances along the view, mm.
-    """
-    answer = exchange_document(source, request(scene, picture, lens, depth))
-    return parse_answer(answer, scene.objects)
-
-
 def request(
     scene: Scene,
     picture: NDArray[np.uint8],

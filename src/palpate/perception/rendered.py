@@ -87,7 +87,13 @@ class SimulatedCamera:
         told = Lens(pinhole.matrix, size, self._true.distortion, max(flaws.focal, 1e-6))
         self.lens = told.zoom_lens(zoom)  # the lens as specified by its owner
         # The pose of the camera as believed by its owner.
-        self.mount = _misplace_mount(stands, flaws, self._random)
+        # Random position and rotation error; the small floor keeps the covariance invertible.
+        normal = self._random.standard_normal
+        place, turn = flaws.place * normal(3), flaws.turn * normal(3)
+        believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
+        floor = 1e-12
+        spread = [flaws.place**2 + floor] * 3 + [flaws.turn**2 + floor] * 3
+        self.mount = Mount(believed, np.diag(spread))
 
     def shoot(self, qpos: Array | None = None) -> NDArray[np.uint8]:
         """Take a picture (height, width, 3), RGB, at configuration `qpos`; the initial one by
@@ -129,16 +135,6 @@ class SimulatedCamera:
         fovy = np.degrees(2 * np.arctan(height / 2 / camera.focal))
         model.camera(self._name).fovy[:] = fovy
         return Painter(model, width, height)
-
-
-def _misplace_mount(stands: Pose, flaws: Imperfections, random: np.random.Generator) -> Mount:
-    """Return the mount of a camera with a random pose error and its covariance."""
-    # Random position and rotation error; the small floor keeps the covariance invertible.
-    place, turn = flaws.place * random.standard_normal(3), flaws.turn * random.standard_normal(3)
-    believed = Pose(stands.position + place, (Pose.turn(turn) @ stands).quaternion)
-    floor = 1e-12
-    spread = [flaws.place**2 + floor] * 3 + [flaws.turn**2 + floor] * 3
-    return Mount(believed, np.diag(spread))
 
 
 def _through(drawn: NDArray[Any], lens: Lens) -> Array:

@@ -171,7 +171,7 @@ def planners() -> Planners:
             kinds.append(part)
         elif isinstance(part, type) and is_planner(part):
             kinds.append(PlannerKind(vars(part)["name"], partial(_without_arguments, part)))
-    return Planners((kind.name, kind) for kind in kinds)
+    return Planners([(kind.name, kind) for kind in kinds])
 
 
 def is_planner(cls: type) -> TypeGuard[type[Planner]]:

@@ -101,7 +101,7 @@ def load_vocabulary(third_parties: Iterable[ModuleType] = ()) -> Vocabulary:
     own = [cls for module in CORE for cls in _public(module) if cls.__module__ == module.__name__]
     others = [cls for module in third_parties for cls in _public(module)]
     others.sort(key=lambda cls: cls.__name__)
-    return Vocabulary(Registry((cls.__name__, cls) for cls in (*own, *others)))
+    return Vocabulary(Registry([(cls.__name__, cls) for cls in (*own, *others)]))
 
 
 def _public(module: ModuleType) -> Iterator[type[Primitive]]:

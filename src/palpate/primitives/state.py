@@ -157,6 +157,10 @@ class SymbolicState:
         """Believed pose of an object or surface."""
         return self.moved.get(name) or self.scene.body(name).pose_world
 
+    def body_poses(self) -> dict[str, Pose]:
+        """Believed poses of all objects, surfaces and fixtures."""
+        return {**self.scene.body_poses, **self.moved}
+
     def place_object(self, name: str, pose: Pose) -> Mapping[str, Pose]:
         """`moved` with an object at a pose; without the object at its pose in the scene."""
         moved = {**self.moved, name: pose}
@@ -167,7 +171,7 @@ class SymbolicState:
     def raised(self, surface: str, top: float) -> SymbolicState:
         """State with the top of a surface at world z `top`, m, and the bodies on it raised with it."""
         # Moved objects on the surface rise as well.
-        rises = risen(self.scene, surface, top, self.pose_of)
+        rises = risen(self.scene, surface, top, self.body_poses())
         moved = {
             name: pose.translate((0.0, 0.0, rises.get(name, 0.0)))
             for name, pose in self.moved.items()

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import PlanRejected
@@ -18,10 +17,7 @@ from palpate.estimation.fusion import Source, weighted_sum
 from palpate.estimation.quantities.within import parse_width
 from palpate.planning.request.grounding import parse
 from palpate.planning.request.words import amount as amount_of
-
-if TYPE_CHECKING:
-    from palpate.runs.run import Run
-
+from palpate.runs.run import Run
 
 # First words of a question that is answered by yes or no.
 ASKING = ("is", "are", "does", "do", "ist", "sind", "wiegt", "est", "è", "pesa")

@@ -14,17 +14,19 @@ import numpy as np
 from palpate.common.pose import Array
 from palpate.common.processes import Beside, interrupts, shared_out
 from palpate.estimation.estimate import Estimate
+from palpate.estimation.evidence import remove_spoiled
 from palpate.estimation.quantities.size import size_on_the_way
 from palpate.execution.cell import Cell
 from palpate.planning.plan import Plan, part_of
 from palpate.planning.symbolic.planner import split_known
 from palpate.primitives.state import SymbolicState
+from palpate.robots.owner import measured_arm
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.executing import perform
 from palpate.runs.run import Run
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, LeafRun, Recording
-from palpate.trace.samples import FORCES, Trace, sound
+from palpate.trace.samples import FORCES, Trace
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
 from palpate.twin.validate import REST, Felt, Replay, empty_motions, mean_recordings
@@ -82,7 +84,6 @@ def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Felt:
 
 def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
     """Execute a part in `world` with a noise-free simulated robot. Return the trace, and the world at the end."""
-    from palpate.robots.owner import measured_arm
     from palpate.robots.simulated.robot import MujocoRobot
 
     plan, scene, q = part
@@ -148,7 +149,15 @@ def _parts(
         # A later part begins with the knowledge and joint positions of that time.
         at = scene
         if first:
-            at = _scene_at(scene, trace, start, estimates)
+            # Apply the estimates that were converted before that time.
+            state = SymbolicState(scene)
+            for estimate in estimates:
+                converted = trace.converted(estimate.parameter)
+                if estimate.has_value and converted is not None and converted.end < start:
+                    state = state.learn_parameter(
+                        estimate.parameter, tuple(estimate.values.tolist())
+                    )
+            at = state.scene
             q = np.mean(trace.samples.between(start - REST, start).q, axis=0)
         nodes = [leaf.node for leaf in leaves[first:begins] if leaf.start < ends]
         yield PlanPart(part_of(plan, [opens, *nodes]), at, q)
@@ -169,17 +178,6 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
         empty = [leaf for leaf in later if leaf.end <= recording.start] or later[:1]
     used = [recording, *empty]
     return min(one.start for one in used), max(one.end for one in used)
-
-
-def _scene_at(scene: Scene, trace: Trace, before: float, estimates: Collection[Estimate]) -> Scene:
-    """Scene with everything known at robot time `before`, s."""
-    # Apply the estimates that were converted before that time.
-    state = SymbolicState(scene)
-    for estimate in estimates:
-        converted = trace.converted(estimate.parameter)
-        if estimate.has_value and converted is not None and converted.end < before:
-            state = state.learn_parameter(estimate.parameter, tuple(estimate.values.tolist()))
-    return state.scene
 
 
 def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
@@ -236,7 +234,7 @@ def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
         return []
     # Objects with a measured size as a request need no second one.
     unsure = [body for body in scene.objects.values() if body.seen and body.name not in asked]
-    found = [size_on_the_way(sound(trace), body) for body in unsure]
+    found = [size_on_the_way(remove_spoiled(trace), body) for body in unsure]
     return [size for size in found if size is not None]
 
 

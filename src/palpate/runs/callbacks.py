@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, TypeVar
 
 from palpate.execution.recovery import Resume, nobody
+from palpate.runs.run import Run
 
 if TYPE_CHECKING:
     from palpate.execution.runner import Observer
     from palpate.perception.look import Seen
-    from palpate.runs.run import Run
 
 
 T = TypeVar("T")

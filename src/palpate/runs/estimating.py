@@ -9,7 +9,6 @@ from contextlib import AbstractContextManager, closing, nullcontext, suppress
 from dataclasses import dataclass, replace
 from functools import partial
 from hashlib import sha256
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -17,20 +16,18 @@ from palpate.common.errors import InputError, PalpateError
 from palpate.common.parameter import Parameter
 from palpate.common.processes import Beside, can_copy, shared_out
 from palpate.estimation.estimate import Estimate
+from palpate.estimation.evidence import find_evidence_span, remove_spoiled, select_evidence
 from palpate.estimation.quantities.estimators import estimate_all, failed_estimate
 from palpate.execution.cell import Cell
+from palpate.primitives.base import Recorder
+from palpate.runs.building import Given
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.held_out import HeldOut, HeldOutMotion, held_out, held_still, judge, with_tests
 from palpate.runs.run import Run
 from palpate.runs.workplace import truths
 from palpate.scene.load import correct_body, scene_with_measurements
 from palpate.scene.scene import Scene
-from palpate.trace.samples import Trace, reach, sound, trace_around
-
-if TYPE_CHECKING:
-    from palpate.primitives.base import Recorder
-    from palpate.runs.building import Given
-
+from palpate.trace.samples import Trace
 
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 
@@ -107,7 +104,7 @@ def judge_object(made: Run, name: str) -> Judged | None:
     """
     try:
         trace = made.trace
-        scene, evidence = _as_felt(made, trace), trace_around(sound(trace), name)
+        scene, evidence = _as_felt(made, trace), select_evidence(remove_spoiled(trace), name)
         wanted = [one for one in made.plan.parameters if one.object == name]
         found = tuple(_estimate_parameter(made, scene, one) for one in wanted)
         lifted = any(held_still(evidence, name))
@@ -122,12 +119,12 @@ def _select_still_valid(
 ) -> dict[str, Judged]:
     """Select the estimates whose evidence is still the same at the end; none of a run that was interrupted."""
     # An execution with a failure changes which recordings count as evidence.
-    if trace is None or sound(trace) is not trace:
+    if trace is None or remove_spoiled(trace) is not trace:
         return {}
     return {
         name: each
         for name, each in early.items()
-        if each.key == _key(scene, trace_around(trace, name), name)
+        if each.key == _key(scene, select_evidence(trace, name), name)
     }
 
 
@@ -289,7 +286,7 @@ class Ahead:
         now = recorder.leaves[-1].end
         # Start a copy for the first object whose recordings are complete.
         for name in self._due:
-            reached = reach(recorder, name)
+            reached = find_evidence_span(recorder, name)
             if reached is not None and reached[1] < now and self._has_free_processor():
                 self._due.remove(name)
                 sofar = replace(self._made, recorded=recorder.snapshot())

@@ -16,7 +16,7 @@ from palpate.common.errors import InputError, Unavailable
 from palpate.common.pose import Pose
 from palpate.estimation.quantities.within import Within
 from palpate.execution.cell import Cell
-from palpate.execution.recovery import OnFailure
+from palpate.execution.recovery import OnFailure, anyway, recover, repeat
 from palpate.planning.plan import Plan
 from palpate.primitives.base import Blackboard, LeafFailure, Settled, keep_state
 from palpate.primitives.state import SymbolicState
@@ -239,7 +239,6 @@ def perform(
         tick_period: s of robot time between two ticks; the runner's by default.
         is_rehearsed: the plan was rehearsed, so that further plans are rehearsed, too.
     """
-    from palpate.execution.recovery import anyway, recover, repeat
     from palpate.execution.runner import TICK_PERIOD
     from palpate.execution.runner import run as run_tree
 

@@ -6,7 +6,7 @@ import difflib
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -20,10 +20,8 @@ from palpate.runs.building import estimates_to_write
 from palpate.runs.folder import new_folder, write_json, write_text
 from palpate.runs.result import parameter_json, twin_json
 from palpate.runs.run import Run
+from palpate.runs.settings import Settings
 from palpate.twin.twin import Twin, build_twin
-
-if TYPE_CHECKING:
-    from palpate.runs.settings import Settings
 
 
 @dataclass(frozen=True, eq=False, repr=False)

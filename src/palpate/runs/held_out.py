@@ -12,6 +12,7 @@ from palpate.common.parameter import Parameter
 from palpate.common.pose import Array
 from palpate.common.processes import shared_out
 from palpate.estimation.estimate import Estimate, FitTest, chi_squared
+from palpate.estimation.evidence import remove_spoiled, select_evidence
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.estimation.quantities.estimators import estimate_all
@@ -26,7 +27,7 @@ from palpate.runs.prediction import (
 )
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Recording
-from palpate.trace.samples import FORCES, Trace, sound, trace_around
+from palpate.trace.samples import FORCES, Trace
 from palpate.twin.inject import stated_parameter
 
 WEIGHT = "held-out weight"
@@ -126,7 +127,7 @@ def held_out(
     judged before.
     """
     # Find the objects that were lifted; those judged before are not judged again.
-    evidence = sound(trace)
+    evidence = remove_spoiled(trace)
     motions: list[HeldOutMotion] = []
     notes: list[str] = []
     lifted = (recording.context.holding for recording in held_still(evidence))
@@ -134,7 +135,7 @@ def held_out(
     known = early or {}
     due = [name for name in names if known.get(name) is None]
     every = shared_out(
-        lambda name: judge(scene, trace_around(evidence, name), estimates, name, choice), due
+        lambda name: judge(scene, select_evidence(evidence, name), estimates, name, choice), due
     )
     # Collect motions and notes in the order of lifting.
     judgements = {**known, **dict(zip(due, every, strict=True))}

@@ -97,10 +97,6 @@ class Keeper:
                 run = replace(run, interrupted=f"{self._signals.reason} while executing")
             return self.keep(run)
 
-    def mark_finished(self, run: Run) -> Run:
-        """Mark the run as finished."""
-        return self.keep(replace(run, stage=None, interrupted=None))
-
     def keep(self, run: Run, seldom: bool = False) -> Run:
         """Add the shortfalls to the run and write result.json.
 

@@ -16,10 +16,12 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
-from palpate.common.processes import before_anything_moves, interrupts
+from palpate.common.processes import Beside, before_anything_moves, interrupts
 from palpate.execution.cell import Cell
+from palpate.planning.planner import Planner
+from palpate.primitives.base import Recorder
 from palpate.runs import workplace
-from palpate.runs.building import build_twin, touch_twin, touched_beside
+from palpate.runs.building import Given, build_twin, touch_twin, touched_beside
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.estimating import Ahead, ahead_of, estimate, estimates
 from palpate.runs.executing import execute
@@ -39,16 +41,12 @@ from palpate.runs.saving import (
 from palpate.runs.saving import reopen as reopen
 from palpate.runs.settings import Settings, request_json
 from palpate.runs.workplace import look, require_seen
+from palpate.scene.scene import Scene
+from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
-    from palpate.common.processes import Beside
     from palpate.perception.film import Reel
-    from palpate.planning.planner import Planner
-    from palpate.primitives.base import Recorder
-    from palpate.runs.building import Given
     from palpate.runs.report.writing import Darkroom
-    from palpate.scene.scene import Scene
-    from palpate.trace.samples import Samples
 
 
 def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
@@ -208,7 +206,9 @@ class _Steps:
             if made.interrupted is not None:
                 return made
             made = self.keeper.through(stage, steps[stage], made)
-        return made if made.interrupted is not None else self.keeper.mark_finished(made)
+        if made.interrupted is not None:
+            return made
+        return self.keeper.keep(replace(made, stage=None))
 
     def execution(self, made: Run) -> Iterator[Run]:
         assert self.cell is not None

@@ -39,7 +39,6 @@ from palpate.twin.twin import Twin, read_twin
 from palpate.twin.validate import ReplayResidual, Validation
 
 if TYPE_CHECKING:
-    from palpate.execution.rehearsal import Rehearsal
     from palpate.runs.settings import Settings
 
 
@@ -106,12 +105,15 @@ def require_own_version(folder: Path) -> None:
 
 
 def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
+    from palpate.execution.rehearsal import Rehearsal
+
     # Read plan and scene first: estimates and twin refer to them.
     proposal = load_proposal(folder / "plan.json")
     scene, seen = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
     # A complete run without execution had nothing to measure.
     plan, done, said = proposal.plan, result["execution"], folder / "conversation.json"
+    rehearsed = result["rehearsal"]
     if plan.tree is None and result["status"] == "complete" and done is None:
         plan = replace(plan, declared="nothing_missing")
     return Run(
@@ -121,7 +123,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         tuple(Finding(**finding) for finding in result["plan"]["findings"]),
         conversation=read_conversation(said) if said.exists() else None,
         seen=seen,
-        rehearsal=_rehearsal(result["rehearsal"]),
+        rehearsal=None if rehearsed is None else Rehearsal(**rehearsed),
         world=result["provenance"]["world"],
         simulated=result.get("simulated", settings.robot is None),
         execution=_ending(done),
@@ -170,12 +172,6 @@ def _find_scene(
     if settings.scene is not None and settings.scene.exists():
         return settings.read_scene(arm), None
     return parse_scene(NOTHING, arm=arm), None
-
-
-def _rehearsal(document: dict[str, Any] | None) -> Rehearsal | None:
-    from palpate.execution.rehearsal import Rehearsal
-
-    return None if document is None else Rehearsal(**document)
 
 
 def _ending(document: dict[str, Any] | None) -> Ending | None:

@@ -7,13 +7,10 @@ from collections.abc import Iterator
 from dataclasses import replace
 from operator import attrgetter
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import Any, cast
 
 from palpate.common.extensions import iter_options
-
-if TYPE_CHECKING:
-    from palpate.runs.settings import Settings
-
+from palpate.runs.settings import Settings
 
 # Folder of the bundled scenarios, which are called by name.
 BUNDLED = Path(__file__).parents[1] / "studies" / "scenarios"

@@ -5,25 +5,23 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
+from palpate.common.belief import Belief
 from palpate.common.display import to_json
+from palpate.common.pose import Array, Pose
 from palpate.common.version import __version__
 from palpate.estimation.estimate import Estimate, FitTest, axes_of
+from palpate.planning.check.finding import Finding
 from palpate.planning.plan import dump_plan, proposal_json
 from palpate.runs.answer import answer
 from palpate.runs.held_out import HeldOut
 from palpate.runs.reproduce import POSES
-
-if TYPE_CHECKING:
-    from palpate.common.belief import Belief
-    from palpate.common.pose import Array, Pose
-    from palpate.planning.check.finding import Finding
-    from palpate.runs.run import Run
-    from palpate.twin.twin import Twin
-    from palpate.twin.validate import ReplayResidual, Validation
+from palpate.runs.run import Run
+from palpate.twin.twin import Twin
+from palpate.twin.validate import ReplayResidual, Validation
 
 
 def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
@@ -81,7 +79,13 @@ def result_json(run: Run, folder: Path | None) -> dict[str, Any]:
         **proposal_json(run.plan),
         "parameters": parameters,
         "poses": [belief_json(name, belief) for name, belief in run.beliefs.items()],
-        "plan": _plan_json(run),
+        "plan": {
+            "planner": run.plan.planner,
+            "actions": run.plan.actions,
+            "explanation": run.plan.explanation,
+            "notes": run.plan.notes,
+            "findings": [finding_json(finding) for finding in run.findings],
+        },
         "rehearsal": run.rehearsal.figures() if run.rehearsal else None,
         "execution": _execution_json(run),
         "validation": {"held_out": held_out_json(run.held_out)},
@@ -104,16 +108,6 @@ def _truth(run: Run) -> str | None:
     if run.drawn:
         return "drawn from priors"
     return run.settings.world.name if run.settings.world else run.world
-
-
-def _plan_json(run: Run) -> dict[str, Any]:
-    return {
-        "planner": run.plan.planner,
-        "actions": run.plan.actions,
-        "explanation": run.plan.explanation,
-        "notes": run.plan.notes,
-        "findings": [finding_json(finding) for finding in run.findings],
-    }
 
 
 def finding_json(finding: Finding) -> dict[str, str]:

@@ -9,15 +9,20 @@ from pathlib import Path
 from textwrap import shorten
 from typing import TYPE_CHECKING, Literal
 
+from palpate.common.belief import Belief
 from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
+from palpate.common.pose import Array
 from palpate.estimation.estimate import Estimate, Estimates
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.execution.stop import HeldObject
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import MAX_REASON, Plan
+from palpate.primitives.state import SymbolicState
 from palpate.runs.figures import in_a_line
 from palpate.runs.held_out import HeldOut
+from palpate.runs.settings import Settings
+from palpate.scene.picture_scene import DetectedScene
 from palpate.scene.scene import Scene
 from palpate.trace.mcap import read_mcap
 from palpate.trace.samples import Trace
@@ -25,15 +30,10 @@ from palpate.twin.inject import stated_parameter
 from palpate.twin.twin import Twin
 
 if TYPE_CHECKING:
-    from palpate.common.belief import Belief
-    from palpate.common.pose import Array
     from palpate.execution.rehearsal import Rehearsal
     from palpate.execution.runner import Execution
     from palpate.perception.film import Footage
     from palpate.planning.model.conversation import Conversation
-    from palpate.primitives.state import SymbolicState
-    from palpate.runs.settings import Settings
-    from palpate.scene.picture_scene import DetectedScene
 
 
 Status = Literal["running", "complete", "rejected", "aborted", "failed"]

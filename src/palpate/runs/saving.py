@@ -14,7 +14,7 @@ from palpate.execution.cell import Cell
 from palpate.runs.building import Given
 from palpate.runs.estimating import with_views
 from palpate.runs.executing import cut_off
-from palpate.runs.folder import default_folder, new_folder, read_json, write_json
+from palpate.runs.folder import default_folder, new_folder, read_json, write_files, write_json
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings, request_json, settings_from
 from palpate.runs.workplace import footage_of
@@ -95,7 +95,6 @@ def save(made: Run, folder: Path | None = None) -> Run:
     Raises:
         InputError: the folder exists or cannot be made.
     """
-    from palpate.runs.folder import write_files
     from palpate.runs.report.writing import write_all
 
     folder = folder or folder_for(made.settings)

@@ -21,15 +21,15 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.pose import Array, Pose
+from palpate.runs.run import Run
+from palpate.scene.camera import Camera, load_image
+from palpate.scene.poses import read_poses
+from palpate.trace.samples import Trace
 from palpate.trace.topics import WORLD, Layout, Message, header, nanoseconds, stamps, text, xyzw
 
 if TYPE_CHECKING:
     import mujoco
     from PIL.Image import Image
-
-    from palpate.runs.run import Run
-    from palpate.scene.camera import Camera
-    from palpate.trace.samples import Trace
 
 
 PERIOD = 0.1  # s: interval of the poses of the cell. Viewers interpolate.
@@ -111,9 +111,6 @@ def _from(parent: Array, child: Array) -> Array:
 
 
 def _camera(run: Run, trace: Trace) -> Iterator[Message]:
-    from palpate.scene.camera import Camera
-    from palpate.scene.poses import read_poses
-
     picture = _picture(run)
     if picture is None:
         return
@@ -135,8 +132,6 @@ def _camera(run: Run, trace: Trace) -> Iterator[Message]:
 def _picture(run: Run) -> Image | None:
     """Picture for the planner, reduced in size."""
     from PIL import Image
-
-    from palpate.scene.camera import load_image
 
     if run.settings.images:
         return Image.fromarray(load_image(run.settings.images[0], LONGEST_SIDE))

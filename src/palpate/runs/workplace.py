@@ -249,8 +249,6 @@ def seen_from(
 def hand_of(url: str, scene: Scene) -> Pose:
     """Read the pose of the TCP of the real arm at a URL, in the world. Raises Unavailable: it does
     not answer, or its driver does not report the pose."""
-    from palpate.execution.cell_drivers import drivers
-
     guided = drivers().of(url).guided
     if guided is None:
         raise Unavailable(

@@ -167,10 +167,10 @@ def describe(
             that MuJoCo does not accept.
     """
     # Limits of the elements first, then of the loaded files without the robots and textures.
-    require_limits(document, is_loaded=lambda _: False)
+    require_limits(document, loaded=())
     roles = find_roles(document)
-    is_loaded = without_robots(document, roles).is_loaded()
-    require_limits(document, is_loaded=lambda one: one.tag != "texture" and is_loaded(one))
+    kept = without_robots(document, roles).loaded()
+    require_limits(document, loaded={one for one in kept if one.tag != "texture"})
     # Slots are the places where a quantity may be written `?`.
     slots: list[Slot] = []
     for body in roles.bodies.values():

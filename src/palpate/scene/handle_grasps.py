@@ -199,18 +199,6 @@ def _grasp_along(
     return replace(found, pose=min(reached, key=lambda one: one[0])[1])
 
 
-def front_of(
-    arm: RobotDescription, name: str, pose_world_tcp: Pose, base: Pose
-) -> dict[str, Array]:
-    """Joint configurations (7,), rad, on the way of a level hand to a pose in front of a fixture.
-
-    First the wrist turns with the arm at home, then the arm moves. A stretched arm with its wrist in
-    line could not detect a contact.
-    """
-    front = configuration(arm, base.inverse() @ pose_world_tcp)
-    return {f"{name}_level": np.array([*arm.home[:5], *front[5:]]), f"{name}_front": front}
-
-
 def points_down(pose_world_tcp: Pose) -> bool:
     """True for a hand that points down, and is not level."""
     return bool(pose_world_tcp.rotation[2, 2] < DOWN)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from types import MappingProxyType
@@ -32,7 +32,7 @@ GUESS = 0.055
 INSIDE = 0.001
 BELOW = 0.05  # m, largest depth of a named pose below the top of its surface
 TEMPORARY = "_temporary"
-PoseOf = Callable[[str], Pose]  # World pose of the frame of a body, by name
+Places = Mapping[str, Pose]  # World poses of the frames of all bodies, by name
 
 
 def apply_measurement(scene: Scene, parameter: Parameter, value: tuple[float, ...]) -> Scene:
@@ -93,7 +93,7 @@ def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> S
 
 def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
     """The scene with the top of a surface at world z `top`, m, and the bodies on it moved with it."""
-    rises = risen(scene, surface, top, lambda name: scene.bodies[name].pose_world)
+    rises = risen(scene, surface, top, scene.body_poses)
     # Move the bodies, and the poses at rest to which they would tip.
     bodies = dict(scene.bodies)
     for name, rise in rises.items():
@@ -158,53 +158,50 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
     )
 
 
-def risen(scene: Scene, surface: str, top: float, pose_of: PoseOf) -> dict[str, float]:
+def risen(scene: Scene, surface: str, top: float, places: Places) -> dict[str, float]:
     """Rise, m, of a surface and of each body on it, with the surface's top moved to world z `top`, m.
 
-    Bodies are at the poses of `pose_of`. The bottom of an object directly on the surface moves to
+    Bodies are at the poses `places`. The bottom of an object directly on the surface moves to
     `top`. An object stacked on another one keeps its place on it.
     """
     # The surface itself rises by the difference of its tops.
-    found = {surface: top - scene.bodies[surface].top_z(pose_of(surface))}
+    found = {surface: top - scene.bodies[surface].top_z(places[surface])}
     # In the order of their bottoms, so that a support is raised before the bodies on it.
-    for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(pose_of(body.name))):
-        base = _support(scene, other, pose_of)
+    for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(places[body.name])):
+        base = _support(scene, other, places)
         if other.name in found or base is None or base.name not in found:
             continue
         direct = base.name == surface and other.role == "object"
-        bottom = other.bottom_z(pose_of(other.name))
+        bottom = other.bottom_z(places[other.name])
         found[other.name] = top - bottom if direct else found[base.name]
     return found
 
 
 def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     """Convert world poses of objects in the raised scene to those in the scene as given."""
-
-    def pose_of(name: str) -> Pose:
-        return poses.get(name) or scene.bodies[name].pose_world
-
+    places = {**scene.body_poses, **poses}
     # Subtract the rise of the support of each object.
     found: dict[str, Pose] = {}
     for name, pose in poses.items():
-        base = _support(scene, scene.bodies[name], pose_of)
+        base = _support(scene, scene.bodies[name], places)
         rise = 0.0 if base is None else scene.rises.get(base.name, 0.0)
         found[name] = pose.translate((0.0, 0.0, -rise))
     return found
 
 
-def _support(scene: Scene, body: Body, pose_of: PoseOf) -> Body | None:
+def _support(scene: Scene, body: Body, places: Places) -> Body | None:
     """The highest object below and in contact with a body, else the highest such surface."""
     # An object carries before a surface: a stacked object rests on its neighbour.
-    below = [base for base in scene.bodies.values() if _stands_on(body, base, pose_of)]
+    below = [base for base in scene.bodies.values() if _stands_on(body, base, places)]
     carriers = [base for base in below if base.role == "object"] or below
-    return max(carriers, key=lambda base: base.top_z(pose_of(base.name)), default=None)
+    return max(carriers, key=lambda base: base.top_z(places[base.name]), default=None)
 
 
-def _stands_on(other: Body, base: Body, pose_of: PoseOf) -> bool:
+def _stands_on(other: Body, base: Body, places: Places) -> bool:
     """True if a body rests on another one, by centre and heights; a surface rests on no object."""
     if other.name == base.name or (other.role, base.role) == ("surface", "object"):
         return False
-    pose, below = pose_of(other.name), pose_of(base.name)
+    pose, below = places[other.name], places[base.name]
     # The centre must be over the base, and the bottom at its top.
     x, y, _ = pose.apply(other.centre).tolist()
     bottom, top = other.bottom_z(pose), base.top_z(below)

@@ -27,11 +27,11 @@ from palpate.mjcf.body import Body
 from palpate.mjcf.shapes import RESTING
 from palpate.robots.description import RobotDescription
 from palpate.robots.grasp import Grasp, derive_grasp, turned_grasp
+from palpate.robots.pace import configuration
 from palpate.scene.handle_grasps import (
     RETREAT,
     Geometry,
     fixtures_without_grasp,
-    front_of,
     handle_grasp,
     middle,
     points_down,
@@ -150,7 +150,13 @@ def fronts(
         if not points_down(pose := poses[f"{name}_pose"]):
             # The configuration is at the retreat, not at the handle.
             back = pose.translate(in_hand(pose, offsets[name]["z_offset"]))
-            found |= front_of(geometry.arm, name, back, geometry.base)
+            # Joint configurations (7,), rad, on the way of a level hand to a pose in front of a
+            # fixture.
+            front = configuration(geometry.arm, geometry.base.inverse() @ back)
+            found |= {
+                f"{name}_level": np.array([*geometry.arm.home[:5], *front[5:]]),
+                f"{name}_front": front,
+            }
     return found
 
 

@@ -18,17 +18,14 @@ from __future__ import annotations
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Literal
+from typing import Annotated, Any, Literal
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError, model_validator
 
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.files import plain_yaml, read_text
 from palpate.common.pose import Pose
-
-if TYPE_CHECKING:
-    from palpate.robots.description import RobotDescription
-
+from palpate.robots.description import RobotDescription
 
 MAX_BYTES = 200_000  # Largest size of a poses file
 Number = Annotated[float, Field(allow_inf_nan=False, ge=-100.0, le=100.0)]

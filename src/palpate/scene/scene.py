@@ -13,14 +13,12 @@ from palpate.common.pose import Pose
 from palpate.estimation.quantities.catalogue import Catalogue
 from palpate.mjcf.body import Body
 from palpate.mjcf.compile import compile_error
-from palpate.robots.description import PREFIX
+from palpate.robots.description import PREFIX, RobotDescription
+from palpate.scene.resolve import ResolvedScene
+from palpate.scene.symbols import Symbols
 
 if TYPE_CHECKING:
     import mujoco
-
-    from palpate.robots.description import RobotDescription
-    from palpate.scene.resolve import ResolvedScene
-    from palpate.scene.symbols import Symbols
 
 
 @dataclass(frozen=True, slots=True, eq=False, repr=False)
@@ -98,6 +96,11 @@ class Scene:
     def files(self) -> tuple[Path, ...]:
         """Every other file the MJCF needs (includes, meshes, textures), absolute."""
         return self.resolved.document.files
+
+    @property
+    def body_poses(self) -> dict[str, Pose]:
+        """World pose of each body's frame, by name."""
+        return {name: body.pose_world for name, body in self.bodies.items()}
 
     def body(self, name: str) -> Body:
         """Return the object, surface or fixture `name`; the error for an unknown one lists the valid ones."""

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import replace
+from itertools import product
 from pathlib import Path
 
 from palpate.common.errors import unknown_name
 from palpate.planning.model.prompt import checked_style
 from palpate.studies.attempt import Conditions, attempt
 from palpate.studies.scenarios.catalogue import scenario, scenarios
-from palpate.studies.trials import PlannerTrial, TrialRecord, every_trial, run_trials
+from palpate.studies.trials import PlannerTrial, TrialRecord, run_trials
 
 # Rows of the paper's table II, with the prompt modules that each leaves out.
 CONFIGURATIONS: dict[str, frozenset[str]] = {
@@ -83,7 +84,11 @@ def ablation(
     conditions = replace(conditions, beside=file)
     critic = conditions.model_settings.critic or ""
     styles = [checked_style(prompt) for prompt in prompts]
-    wanted = every_trial(chosen(names), planners, configurations, trials, styles, critic)
+    each = product(chosen(names), planners, styles, configurations, range(trials))
+    wanted = [
+        PlannerTrial(scenario, planner, configuration, i, prompt, critic)
+        for scenario, planner, prompt, configuration, i in each
+    ]
 
     def run_attempt(trial: PlannerTrial) -> TrialRecord:
         return attempt(trial, modules_left_out(trial.configuration), conditions)

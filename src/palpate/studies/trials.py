@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
 from dataclasses import asdict, dataclass, field
-from itertools import islice, product
+from itertools import islice
 from pathlib import Path
 from statistics import fmean
 from typing import Any, Literal, TypeVar
@@ -54,25 +54,6 @@ class PlannerTrial:
 
     def __str__(self) -> str:
         return f"{self.scenario}, {self.configuration}, {self.asked}"
-
-
-def every_trial(
-    scenarios: Iterable[str],
-    planners: Iterable[str],
-    configurations: Iterable[str],
-    number: int,
-    prompts: Iterable[str] = ("full",),
-    critic: str = "",
-) -> list[PlannerTrial]:
-    """List `number` trials of every configuration of every prompt with every planner.
-
-    They are ordered by scenario, then by planner.
-    """
-    each = product(scenarios, planners, prompts, configurations, range(number))
-    return [
-        PlannerTrial(scenario, planner, configuration, i, prompt, critic)
-        for scenario, planner, prompt, configuration, i in each
-    ]
 
 
 @dataclass(frozen=True, slots=True)

@@ -53,7 +53,7 @@ class Catalogue(Registry[Quantity]):
     kind = "quantity"
 
     def __init__(self, quantities: Iterable[Quantity]) -> None:
-        super().__init__((quantity.id, quantity) for quantity in quantities)
+        super().__init__([(quantity.id, quantity) for quantity in quantities])
 
     def named(self, name: str, hint: str = "", meant: str | None = None) -> Quantity:
         """Return the quantity with this id; for a synonym the error suggests the id."""

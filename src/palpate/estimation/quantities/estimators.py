@@ -14,10 +14,11 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.extensions import Registry, references
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, not_identified
+from palpate.estimation.evidence import remove_spoiled, select_evidence, spoiled_spans
 from palpate.estimation.quantities.catalogue import catalogue
 from palpate.mjcf.body import Body
 from palpate.trace.recording import RECORDED
-from palpate.trace.samples import Trace, sound, spoiled_spans, trace_around
+from palpate.trace.samples import Trace
 
 
 class Estimator(Protocol):
@@ -130,7 +131,7 @@ def estimate_all(
     known = estimators or known_estimators()
     chosen = choice or {}
     loaded = {quantity: known.load(quantity, name) for quantity, name in chosen.items()}
-    evidence = sound(trace)
+    evidence = remove_spoiled(trace)
     found: list[Estimate] = []
     for parameter in parameters:
         quantity = parameter.quantity
@@ -143,7 +144,7 @@ def estimate_all(
             )
         # An estimator sees only the part of the trace around its object.
         body = bodies.get(parameter.object)
-        part = trace_around(evidence, parameter.object)
+        part = select_evidence(evidence, parameter.object)
         estimate = guarded_estimate(loaded[quantity], part, parameter, body)
         found.append(estimate if evidence is trace else judge_evidence(estimate, evidence, trace))
     return tuple(found)

@@ -20,8 +20,9 @@ from palpate.planning.check.finding import CheckedPlan
 from palpate.planning.check.walk import Walk
 from palpate.planning.plan import Node, Plan, UnmeasuredParameters
 from palpate.planning.planner import needs_scene
+from palpate.planning.request.grounding import ground
 from palpate.planning.request.query import GRIPPER, Grounded
-from palpate.planning.symbolic.efforts import Efforts, efforts
+from palpate.planning.symbolic.efforts import Efforts, efforts, errand
 from palpate.planning.symbolic.search import Backchainer
 from palpate.planning.symbolic.steps import BALANCE, SIDEWAYS, approach
 from palpate.primitives.registry import Vocabulary, acquisition, vocabulary
@@ -120,8 +121,6 @@ class SymbolicPlanner:
         """Plan to carry a tool without a measurement; None if the request is no errand."""
         if request is None:
             return None
-        from palpate.planning.symbolic.efforts import errand
-
         found = errand(request, scene)
         if found is None:
             return None
@@ -317,8 +316,6 @@ def asked_parameters(
         return Grounded(measure)
     if request is None:
         return Grounded(scene.missing)
-    from palpate.planning.request.grounding import ground
-
     return ground(request, scene)
 
 
@@ -363,7 +360,7 @@ def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
         if not is_open(scene, name) or Parameter(name, "height") in made.measured:
             continue
         # Objects directly or indirectly on this surface.
-        on = risen(scene, name, body.top_z(), lambda other: scene.bodies[other].pose_world)
+        on = risen(scene, name, body.top_z(), scene.body_poses)
         touched = sorted({one.object for one in made.measured} & on.keys() & scene.objects.keys())
         if touched:
             sentences.append(

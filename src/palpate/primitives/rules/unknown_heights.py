@@ -59,7 +59,7 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
     for surface in unknown - {after.contact}:
         # Raise the surface, and collect the objects that would rise with it.
         top = scene.body(surface).top_z() + GUESS
-        rises = risen(scene, surface, top, before.pose_of)
+        rises = risen(scene, surface, top, before.body_poses())
         found |= {name: GUESS for name in rises if name in scene.objects}
     return found
 

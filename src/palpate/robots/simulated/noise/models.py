@@ -147,4 +147,4 @@ def noise_models() -> NoiseModels:
     Palpate's own names cannot be replaced.
     """
     models = (part for part in offered(GROUP) if isinstance(part, NoiseModel))
-    return NoiseModels((model.name, model) for model in models if model.name not in LEVELS)
+    return NoiseModels([(model.name, model) for model in models if model.name not in LEVELS])

@@ -9,8 +9,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.estimation.evidence import AROUND, find_evidence_span, select_evidence
 from palpate.trace.recording import Context, Conversion, LeafRun, Recording
-from palpate.trace.samples import AROUND, Trace, reach, trace_around
+from palpate.trace.samples import Trace
 
 EACH = 15.0
 NAMES = [f"box_{i}" for i in range(1, 9)]
@@ -46,18 +47,18 @@ def long(trace: Trace) -> Trace:
 
 
 def test_only_the_time_around_an_object_is_evidence_of_it(long: Trace) -> None:
-    near = trace_around(long, "box_4")
+    near = select_evidence(long, "box_4")
     assert near.t[0] == pytest.approx(47.0 - AROUND)
     assert near.t[-1] == pytest.approx(55.0 + AROUND)
     assert "box_4" in {one.context.holding for one in near.recordings}
     assert len(near.recordings) < len(long.recordings)
-    assert trace_around(near, "box_4") is near
-    assert trace_around(long, "box_4") is near, "found once, with what is found in it"
+    assert select_evidence(near, "box_4") is near
+    assert select_evidence(long, "box_4") is near, "found once, with what is found in it"
 
 
 def test_what_comes_later_changes_nothing(long: Trace) -> None:
     """So that it can be estimated while the next is measured."""
-    whole, sofar = trace_around(long, "box_2"), trace_around(long.until(95.0), "box_2")
+    whole, sofar = select_evidence(long, "box_2"), select_evidence(long.until(95.0), "box_2")
     assert sofar.leaves == whole.leaves
     assert sofar.recordings == whole.recordings
     assert np.array_equal(sofar.t, whole.t)
@@ -69,22 +70,22 @@ def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -
         long,
         recordings=(*long.recordings[:4], recording(48.0, None), *long.recordings[4:], empty),
     )
-    reached, before = reach(turned, "box_8"), reach(long, "box_8")
+    reached, before = find_evidence_span(turned, "box_8"), find_evidence_span(long, "box_8")
     assert reached is not None
     assert before is not None
     assert reached[1] == empty.end + AROUND > before[1]
-    assert reach(turned, "box_2") == reach(long, "box_2")
+    assert find_evidence_span(turned, "box_2") == find_evidence_span(long, "box_2")
 
 
 def test_of_what_was_never_held_anything_may_be_evidence(long: Trace) -> None:
-    assert trace_around(long, "table") is long
+    assert select_evidence(long, "table") is long
 
 
 @pytest.mark.parametrize("name", ["box_4", "table"])
 def test_a_trace_lives_no_longer_than_its_run(long: Trace, name: str) -> None:
     """What is cached of a trace does not refer to it."""
     own = replace(long)
-    trace_around(own, name)
+    select_evidence(own, name)
     alive = weakref.ref(own)
     del own
     gc.collect()

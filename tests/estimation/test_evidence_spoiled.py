@@ -7,8 +7,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from palpate.estimation.evidence import remove_spoiled, spoiled_spans
 from palpate.trace.recording import Context, Conversion, LeafRun, Recording
-from palpate.trace.samples import Samples, Trace, sound, spoiled_spans
+from palpate.trace.samples import Samples, Trace
 
 STILL = Context("still")
 
@@ -29,7 +30,7 @@ def ten_seconds(trace: Trace) -> Trace:
 
 
 def test_a_trace_without_failed_leaves_is_all_evidence(trace: Trace) -> None:
-    assert sound(trace) is trace
+    assert remove_spoiled(trace) is trace
 
 
 def test_recordings_complete_before_a_failure_stay(ten_seconds: Trace) -> None:
@@ -46,7 +47,7 @@ def test_recordings_complete_before_a_failure_stay(ten_seconds: Trace) -> None:
         recordings=(before, within, after),
         conversions=(weighed, late),
     )
-    kept = sound(trace)
+    kept = remove_spoiled(trace)
     assert kept.recordings == (before,)
     assert kept.conversions == (weighed,)
     assert [run.node for run in kept.leaves] == ["tree.children[0]"]
@@ -66,8 +67,8 @@ def test_a_recording_in_parallel_with_a_failed_leaf_is_no_evidence(ten_seconds: 
         ),
         recordings=(slide,),
     )
-    assert sound(trace).recordings == ()
-    assert len(sound(trace).leaves) == 1
+    assert remove_spoiled(trace).recordings == ()
+    assert len(remove_spoiled(trace).leaves) == 1
 
 
 def test_recordings_of_a_later_attempt_are_evidence(ten_seconds: Trace) -> None:
@@ -81,8 +82,10 @@ def test_recordings_of_a_later_attempt_are_evidence(ten_seconds: Trace) -> None:
         ),
         recordings=(lost, again),
     )
-    assert sound(trace).recordings == (again,)
-    assert not np.any((sound(trace).samples.t > 1.0) & (sound(trace).samples.t < 5.0))
+    assert remove_spoiled(trace).recordings == (again,)
+    assert not np.any(
+        (remove_spoiled(trace).samples.t > 1.0) & (remove_spoiled(trace).samples.t < 5.0)
+    )
 
 
 def test_a_later_round_that_fails_takes_nothing_from_the_first(ten_seconds: Trace) -> None:
@@ -97,11 +100,11 @@ def test_a_later_round_that_fails_takes_nothing_from_the_first(ten_seconds: Trac
         ),
         recordings=(first, again, third),
     )
-    assert sound(trace).recordings == (first, third)
+    assert remove_spoiled(trace).recordings == (first, third)
 
 
 def test_a_trace_without_samples_has_a_sound_part(ten_seconds: Trace) -> None:
     trace = replace(
         ten_seconds, samples=Samples.empty(), leaves=(leaf("tree", 0.0, 0.0, "INVALID"),)
     )
-    assert len(sound(trace).samples) == 0
+    assert len(remove_spoiled(trace).samples) == 0
