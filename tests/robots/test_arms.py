@@ -4,10 +4,13 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from own_arm import write_arm
 
 from palpate.estimation.estimate import Estimate
+from palpate.estimation.rigid_bodies import own_motion
+from palpate.robots.owner import load_description
 from palpate.runs import pipeline
 from palpate.runs.run import Run
 from palpate.studies.scenarios.catalogue import scenario
@@ -79,3 +82,30 @@ def test_menageries_panda_measures_the_same(tmp_path: Path) -> None:
         pytest.skip(f"the package fetches its files when asked: {error}")
     (tmp_path / "description.yaml").write_text(PANDA.format(mjcf=mjcf))
     judge(measured("bottle_and_table", f"{tmp_path}/"))
+
+
+def test_the_panda_has_the_identified_links_on_the_kinematics_of_an_fr3() -> None:
+    """Masses and first moments of Gaz et al., RA-L 2019, by the torque that holds the arm up."""
+    panda, fr3 = load_description("panda"), load_description("fr3")
+    ours, theirs = panda.nominal.chain, fr3.nominal.chain
+    assert ours is not None
+    assert theirs is not None
+    for signal in ("axes", "anchors", "tcp", "tool"):
+        np.testing.assert_allclose(getattr(ours, signal), getattr(theirs, signal), atol=1e-9)
+    masses = [link.mass for link in ours.links[:7]]
+    assert masses == [4.970684, 0.646926, 3.228604, 3.587895, 1.225946, 1.666555, 0.735522]
+    # Two published models of one geometry hold themselves up with nearly the same torques.
+    holding, other = (
+        own_motion(chain, panda.home[None], *np.zeros((2, 1, 7)), np.array([0, 0, -9.81]))[0]
+        for chain in (ours, theirs)
+    )
+    assert holding[1] == pytest.approx(-3.988, abs=0.01)
+    assert np.abs(holding - other).max() < 1.5
+    assert panda.limits.q_max.tolist()[5] == 3.7525
+    assert panda.limits.dq_max.tolist() == [2.175] * 4 + [2.61] * 3
+    assert panda.nominal.joints[0] == "panda_joint1"
+
+
+@pytest.mark.long
+def test_the_panda_measures_the_bottle_of_the_paper() -> None:
+    judge(measured("bottle_and_table", "panda"))

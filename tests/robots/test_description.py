@@ -30,7 +30,7 @@ def test_the_figures_are_those_of_folder_and_mjcf() -> None:
 
 def test_an_unknown_arm_lists_the_valid_names() -> None:
     with pytest.raises(
-        InputError, match=r"unknown arm 'ur5'; valid: fr3, fr3-ft, iiwa14\. Or give a folder"
+        InputError, match=r"unknown arm 'ur5'; valid: fr3, fr3-ft, iiwa14, panda\. Or give a folder"
     ):
         load_description("ur5")
 
@@ -71,7 +71,7 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path: Path) -> None:
         (("velocity: [2, 2,", "velocity: [2,"), "'velocity': give a list of 7 numbers"),
         (
             ("like: fr3", "like: fr4"),
-            "unknown arm 'fr4'; did you mean 'fr3'\\? valid: fr3, fr3-ft, iiwa14",
+            "unknown arm 'fr4'; did you mean 'fr3'\\? valid: fr3, fr3-ft, iiwa14, panda",
         ),
         (("j6, j7]", "j6, wrist]"), "unknown joint 'wrist'; valid: j1, j2"),
         (("body: gripper", "body: claw"), "unknown body 'claw'"),
@@ -125,7 +125,7 @@ def test_a_package_brings_an_arm_by_its_entry_point(
     monkeypatch.delitem(sys.modules, "their_arm", raising=False)
     arms.cache_clear()
     try:
-        assert list(arms()) == ["fr3", "fr3-ft", "iiwa14", "their_arm"]
+        assert list(arms()) == ["fr3", "fr3-ft", "iiwa14", "panda", "their_arm"]
         assert load_description("their_arm").limits.payload == 2.0
     finally:
         arms.cache_clear()
