@@ -72,6 +72,8 @@ LEAST_FORCE = 0.3
 TURNED = 0.1
 """Smallest spread (standard deviation) of the direction of gravity that separates weight and zero: two poses 12° apart.
 Not sensitive."""
+HEAVIEST = 100.0
+"""kg: heaviest load on a robot's sensor. Not sensitive."""
 FARTHEST = 1.0
 """m: largest distance from the sensor to the centre of mass of a load. Not sensitive."""
 LEAST = 0.02
@@ -504,6 +506,12 @@ def sensed_tests(found: SensedLoad, name: str) -> tuple[FitTest, ...]:
         found.explained,
         found.near,
         *_same_zero(found, abs(mass)),
+        FitTest(
+            "a mass is plausible",
+            mass - 4.0 * std,
+            HEAVIEST,
+            f"The {name} would weigh {mass:.0f} kg: the wrench is in another unit than N and N m.",
+        ),
         FitTest(
             "a mass is not negative",
             -(mass + 4.0 * std),

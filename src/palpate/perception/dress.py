@@ -221,7 +221,7 @@ HAND = ("hand", "left_finger", "right_finger")
 # Menagerie model and body name of each of our bodies. A Research 3 has the links of a Panda; the
 # hand is the same on all arms.
 BODIES = {
-    **{f"fr3_link{i}": (PANDA, f"link{i}") for i in range(8)},
+    **{f"{arm}_link{i}": (PANDA, f"link{i}") for arm in ("fr3", "panda") for i in range(8)},
     "iiwa_link0": (IIWA, "base"),
     **{f"iiwa_link{i}": (IIWA, f"link{i}") for i in range(1, 8)},
     **{arm + part: (PANDA, part) for arm in ("", "iiwa_") for part in HAND},

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -154,6 +155,7 @@ def test_intervals_hold_over_seeds(tmp_path: Path) -> None:
         ("mount", "turned by 45° against the logged pose", "sensor: [0, 0, 0, 0.92388, 0, 0, 0.38268]"),
         ("inverse", "log their inverse", ""),
         ("unit", "another unit than N m", ""),
+        ("milli", "would weigh [34].. kg: the wrench is in another unit", ""),
         ("contact", "something touched the load", ""),
     ],
 )  # fmt: skip
@@ -169,6 +171,7 @@ def test_a_wrench_that_is_not_as_stated_is_contradicted(
         "mount": lambda: in_axes(log, Rotation.from_euler("z", -45, degrees=True)),
         "inverse": lambda: log | quaternions(turn.inv()),
         "unit": lambda: log | {"wrench": log["wrench"] * [1, 1, 1, 1e3, 1e3, 1e3]},
+        "milli": lambda: log | {"wrench": log["wrench"] * 1e3},
         "contact": lambda: log | {"wrench": log["wrench"] + pushed},
     }[change]()
     if change == "world":
@@ -176,7 +179,7 @@ def test_a_wrench_that_is_not_as_stated_is_contradicted(
     run = estimate(tmp_path, wrong)
     mass = run["load.mass"]
     assert mass.verdict == "contradicted"
-    assert says in mass.contradiction
+    assert re.search(says, mass.contradiction)
     assert run["load.com"].verdict == "not identified"
     if mended:
         found = estimate(tmp_path, wrong, mended)["load.mass"]
@@ -270,6 +273,20 @@ def test_a_log_of_a_six_axis_arm(tmp_path: Path) -> None:
     log_of_force = read_recording(file, tmp_path / "map.yaml")
     assert isinstance(log_of_force, WrenchLog)
     assert any("subtracted a payload" in note for note in log_of_force.notes)
+
+
+@pytest.mark.parametrize("unit", ["rad", "deg"])
+def test_names_with_units_and_angles_of_roll_pitch_and_yaw(tmp_path: Path, unit: str) -> None:
+    log, file = record(), tmp_path / "angles.csv"
+    angles = turn_of(log).as_euler("xyz", degrees=unit == "deg")
+    names = [f"F_{x}(N)" for x in "xyz"] + [f"T_{x}(Nm)" for x in "xyz"]
+    names += ["roll", "pitch", "yaw", "P_x(m)", "P_y(m)", "P_z(m)"]
+    place = np.column_stack([log[f"pose.position.{x}"] for x in "xyz"])
+    rows = np.column_stack([log["t"], log["wrench"], angles, place])
+    np.savetxt(file, rows, delimiter=",", header=",".join(["Time(s)", *names]), comments="")
+    run = pp.estimate(file)
+    assert inside(run["load.mass"], MASS)
+    assert inside(run["load.com"], COM)
 
 
 def test_topics_of_a_bag_have_their_own_clocks(tmp_path: Path) -> None:

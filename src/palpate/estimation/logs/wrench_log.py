@@ -14,10 +14,12 @@ from palpate.common.errors import InputError
 from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.logs.columns import (
     ANGLES,
+    LARGEST_ANGLE,
     NOT_MEASURED,
     SECONDS,
     STEPS,
     UNITS,
+    Angle,
     ColumnMap,
     Table,
     Unit,
@@ -39,10 +41,11 @@ FORCE_WORDS = {"f", "force", "forces"}
 TORQUE_WORDS = {"t", "m", "torque", "torques", "moment", "moments"}
 TURN_WORDS = {"orientation", "quaternion", "quat", "rotation", "rot", "q"}
 PLACE_WORDS = {"position", "translation", "pos", "p"}
-UNIT_WORDS = {"n", "nm", "value", "data"}
+UNIT_WORDS = {"n", "nm", "m", "rad", "deg", "degrees", "value", "data"}
 NOT_SENSED = NOT_MEASURED - {"tcp", "ee", "eef", "effector", "cartesian"}
 """Words of columns that no sensor measured."""
 LETTERS = "xyz"
+ROLL = ("roll", "pitch", "yaw")
 STUCK_ROWS = 10
 """Rows that stay at the extreme value of a column, from which it is saturated."""
 STUCK_TIMES = 3
@@ -79,7 +82,7 @@ class Part(NamedTuple):
     """Component of a vector: words of its name without the component, kind of vector, and its place."""
 
     stem: tuple[str, ...]
-    kind: str  # wrench, quat, pos, rotvec, or `#WORD` of a column with a number
+    kind: str  # wrench, quat, pos, rotvec, rpy, or `#WORD` of a column with a number
     place: int
 
 
@@ -171,6 +174,8 @@ def _part(name: str) -> Part | None:
         return Part(tuple(stem), "wrench", LETTERS.index(last[1]) + 3 * (last[0] != "f"))
     if re.fullmatch("q[wxyz]", last):
         return Part(tuple(stem), "quat", "wxyz".index(last[1]))
+    if last in ROLL:
+        return Part(tuple(stem), "rpy", ROLL.index(last))
     if re.fullmatch("r[xyz]", last):
         return Part(tuple(stem), "rotvec", LETTERS.index(last[1]))
     if last in LETTERS and before in FORCE_WORDS | TORQUE_WORDS:
@@ -238,6 +243,8 @@ def _poses(groups: Sequence[tuple[str, Group]], columns: ColumnMap) -> list[Grou
             turned = _ordered(values, columns)
         elif kind == "rotvec" and size == 3:
             turned = _of_vectors(values)
+        elif kind == "rpy" and size == 3:
+            turned = _of_angles(values, columns.angles or unit_in(group.columns[0], ANGLES))
         else:
             continue
         if turned.shape[1] == 4 and at is not None:
@@ -271,6 +278,18 @@ def _of_vectors(vectors: Array) -> Array:
     """Quaternions (n, 4) of rotation vectors (n, 3), rad."""
     half = np.linalg.norm(vectors, axis=1, keepdims=True) / 2.0
     return np.hstack([np.cos(half), np.sinc(half / np.pi) / 2.0 * vectors])
+
+
+def _of_angles(angles: Array, unit: Angle | None) -> Array:
+    """Quaternions (n, 4) of roll, pitch and yaw (n, 3): turns about the fixed axes x, y and z in this order."""
+    from scipy.spatial.transform import Rotation  # slow to import
+
+    if (unit or ("deg" if np.nanmax(np.abs(angles)) > LARGEST_ANGLE else "rad")) == "deg":
+        angles = np.radians(angles)
+    whole = np.isfinite(angles).all(axis=1)
+    turned = np.full((len(angles), 4), np.nan)
+    turned[whole] = Rotation.from_euler("xyz", angles[whole]).as_quat()[:, [3, 0, 1, 2]]
+    return turned
 
 
 def _of_matrices(values: Array) -> Array:
