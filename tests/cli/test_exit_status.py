@@ -57,3 +57,12 @@ def test_a_request_of_which_all_is_measured_ends_with_0(scene: str) -> None:
 def test_a_request_of_which_nothing_can_be_measured_has_no_plan(scene: str) -> None:
     done, result = run(scene, "-m", "crate.mass")
     assert (done.exit_code, result["status"]) == (3, "rejected")
+
+
+def test_a_refused_request_leaves_no_folder_unless_one_is_named(scene: str) -> None:
+    asked = ["run", "--scene", scene, "-m", "crate.mass", "--fast", "--json"]
+    done = CliRunner().invoke(app, asked)
+    assert (done.exit_code, json.loads(done.stdout)["files"]) == (3, {})
+    assert not Path("runs").exists()
+    run(scene, "-m", "crate.mass")
+    assert Path("made/report.html").exists()

@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 import palpate as pp
+from palpate.cli.show_run import show_run
 from palpate.common.parameter import Parameter
 from palpate.common.processes import interrupts
 from palpate.perception.renderer import gl_available
@@ -310,3 +311,15 @@ def test_the_twin_is_written_where_it_is_wanted(stored: Path, tmp_path: Path) ->
         keeper = Keeper(tmp_path, signals)
         keeper.twin(replace(run, settings=replace(run.settings, twin=wanted)))
     assert wanted.read_text() == run.twin.xml == (tmp_path / "twin.xml").read_text()
+
+
+def test_a_twin_that_predicts_no_better_than_the_scene_is_not_validated(
+    stored: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    run = pp.open(stored)
+    assert run.held_out is not None
+    motions = tuple(replace(one, chi2_template=one.chi2 / 2) for one in run.held_out.motions)
+    show_run(replace(run, held_out=replace(run.held_out, motions=motions)), as_json=False)
+    shown = capsys.readouterr().out
+    assert "validation open the way down with the cube" in shown
+    assert "which is no worse" in shown

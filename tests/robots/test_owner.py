@@ -78,6 +78,17 @@ def test_a_camera_that_looks_nowhere_is_bad_input(tmp_path: Path, quat: str) -> 
         read_config(written(tmp_path, text))
 
 
+def test_reflexes_that_a_robot_yaml_leaves_out_stay_as_described(tmp_path: Path) -> None:
+    config = read_config(written(tmp_path, "reflex: {free: {force: 11, torque: 4}}"))
+    own, described = apply_calibration(ARM, config).limits.reflexes, ARM.limits.reflexes
+    assert (own.free.force, own.free.torque) == (11, 4)
+    assert (own.carrying, own.probing, own.contact) == (
+        described.carrying,
+        described.probing,
+        described.contact,
+    )
+
+
 def test_measured_figures_come_before_the_datasheets(tmp_path: Path) -> None:
     arm = pp.load("<mujoco><worldbody/></mujoco>", robot_config=written(tmp_path)).arm
     hand, limits = arm.nominal, arm.limits

@@ -250,7 +250,7 @@ def _show_held_out(run: Run) -> None:
     if run.held_out is None:
         return
     # Summarize many agreeing motions by the worst of them.
-    agreeing = [motion for motion in run.held_out.motions if motion.agrees]
+    agreeing = [one for one in run.held_out.motions if one.agrees and one.is_better]
     if len(agreeing) > MANY_MOTIONS:
         worst = max(motion.rms for motion in agreeing)
         out.prose(
@@ -259,13 +259,15 @@ def _show_held_out(run: Run) -> None:
         )
     # Print the others one by one.
     for motion in run.held_out.motions:
-        if motion.agrees and len(agreeing) > MANY_MOTIONS:
+        if motion in agreeing and len(agreeing) > MANY_MOTIONS:
             continue
         heading, said = "[green]validation agrees[/]", _prediction(motion)
         if motion.disagreement:
             said += f". {motion.disagreement}"
         if not motion.agrees:
             heading = "[bold red]validation disagrees[/]"
+        elif not motion.is_better:
+            heading, said = "[yellow]validation open[/]", f"{said}, which is no worse"
         out.prose(f"{heading} {escape(said)}")
     for note in run.held_out.notes:
         out.prose(f"[dim]not validated[/] {escape(note)}")

@@ -22,6 +22,7 @@ from palpate.robots.sheet import (
     ControllerStiffness,
     Hardware,
     MotionLimits,
+    OwnReflex,
     ParallelHand,
     Reach,
     Reflex,
@@ -536,7 +537,7 @@ def limits_of(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
         workspace_min=sheet.workspace.min,
         workspace_max=sheet.workspace.max,
         stale_after=safety.stale,
-        reflexes=reflexes(sheet.reflex, sheet.payload),
+        reflexes=Reflexes(**reflexes(sheet.reflex, sheet.payload)),
     )
 
 
@@ -564,12 +565,13 @@ def set_hand_mass(spec: mujoco.MjSpec, arm: RobotDescription, end: EndEffector) 
     body.mass, body.ipos = rest, moment / rest
 
 
-def reflexes(sheet: ReflexSheet, payload: float) -> Reflexes:
-    """Build the reflexes. With a load on the hand they allow for the weight of the payload, kg."""
+def reflexes(sheet: ReflexSheet | OwnReflex, payload: float) -> dict[str, Reflex]:
+    """Build the stated reflexes. With a load on the hand they allow for the weight of the payload, kg."""
     loads = {"carrying": payload * STANDARD_GRAVITY, "contact": payload * STANDARD_GRAVITY}
-    return Reflexes(
-        **{name: Reflex(one.force, one.torque, loads.get(name, 0.0)) for name, one in sheet}
-    )
+    stated = {name: one for name, one in sheet if one is not None}
+    return {
+        name: Reflex(one.force, one.torque, loads.get(name, 0.0)) for name, one in stated.items()
+    }
 
 
 def pads_end(model: mujoco.MjModel, hand: ParallelHand) -> float:

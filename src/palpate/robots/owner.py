@@ -171,7 +171,8 @@ def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescri
             workspace_max=np.minimum(limits.workspace_max, fence.max),
         )
     if config.reflex is not None:
-        limits = replace(limits, reflexes=reflexes(config.reflex, limits.payload))
+        own = reflexes(config.reflex, limits.payload)
+        limits = replace(limits, reflexes=replace(limits.reflexes, **own))
     if config.speed is not None:  # scales all speeds, cautious ones too; accelerations stay
         part, slow = config.speed, pace.cautious
         cautious = {name: getattr(slow, name) * part for name in Cautious.model_fields}

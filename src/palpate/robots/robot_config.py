@@ -36,8 +36,8 @@ from palpate.robots.sheet import (
     AS_LIST,
     ControllerStiffness,
     Name,
+    OwnReflex,
     Pair,
-    ReflexSheet,
     Seven,
     Vector,
     Workspace,
@@ -194,7 +194,7 @@ class RobotConfig(Section):
     tip_compliance: Value | None = None
     end_effector: EndEffector | None = None
     stiffness: ControllerStiffness | None = None
-    reflex: ReflexSheet | None = None
+    reflex: OwnReflex | None = None
     workspace: Workspace | None = None
     speed: Annotated[float, _Plain, Field(gt=0, le=1)] | None = None  # share of the pace
     camera: CameraConfig | None = None

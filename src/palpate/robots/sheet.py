@@ -224,6 +224,15 @@ class ReflexSheet(Section):
     contact: Thresholds  # for intended contact
 
 
+class OwnReflex(Section):
+    """Thresholds of this very arm, N and N m. Absent: those of the description."""
+
+    free: Thresholds | None = None  # in free air with empty fingers
+    carrying: Thresholds | None = None  # with an object between them
+    probing: Thresholds | None = None  # in a guarded motion
+    contact: Thresholds | None = None  # for intended contact
+
+
 class ControllerStiffness(Section):
     """Stiffness of the controller's springs."""
 

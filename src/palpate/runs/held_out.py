@@ -78,6 +78,11 @@ class HeldOutMotion:
         return all(test.passed for test in self.tests if test.name in JUDGED)
 
     @property
+    def is_better(self) -> bool:
+        """True if the twin predicts the motion better than the scene as given."""
+        return self.chi2 < self.chi2_template
+
+    @property
     def disagreement(self) -> str:
         """Deviation from the prediction, in words, with the residual torque."""
         return " ".join(test.finding for test in self.tests if not test.passed)

@@ -118,7 +118,10 @@ def carry_out(
             made = rehearse(made, callbacks, cell)
             confirm(made, callbacks, cell)
             if not made.ready:
-                return made if folder is None else save(made, folder)
+                # A refusal leaves no folder, unless it was named or keeps a dialogue with a model.
+                asked = made.settings.out is not None or made.conversation is not None
+                is_kept = folder is not None and (asked or made.plan.satisfied)
+                return save(made, folder) if is_kept else made
             cell = cell or _cell_of(made)
         # Execute. Replay in the given scene, estimates and film are computed meanwhile.
         made = replace(made, world=cell.description, simulated=cell.simulated)

@@ -234,6 +234,14 @@ def test_a_conversion_beside_its_own_sensing_comes_too_early(scene: Scene):
     assert found["buffer-unwritten"] == "tree.children[6].children[1]"
 
 
+def test_a_parameter_that_nothing_converts_is_found_after_a_failed_action(scene: Scene):
+    steps = ["MovePose bottle_pose + z_offset"]  # a closed hand, and nothing is measured
+    found = rules(
+        plan(sequence("MoveJoints home_config", "CloseGripper", *steps), "bottle.mass"), scene
+    )
+    assert (found["gripper-state"], found["undischarged"]) == ("tree.children[1]", "parameters[0]")
+
+
 def test_known_quantities_are_not_measured_unless_remeasured(scene: Scene):
     again = plan(sequence(*weigh("can")), "can.mass")
     assert rules(again, scene)["known"] == "parameters[0]"

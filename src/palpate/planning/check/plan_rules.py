@@ -328,9 +328,10 @@ def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         # Unknown objects and wrong kinds have findings of other rules.
         if not (case.exists(parameter) and case.is_of_its_kind(parameter)):
             continue
-        # It follows from an earlier finding, which is reported.
-        if walk.failed:
-            return
+        # It may follow from an earlier finding, unless no action of the tree converts the quantity.
+        converted = {one.measures.id for one in case.form.primitives.values() if one.measures}
+        if walk.failed and (quantity.derived or quantity.id in converted):
+            continue
         # Explain the missing measurement: missing recordings, or the method.
         if quantity.derived:
             missing = f"; missing recordings: {'; '.join(lacking(parameter, walk.state))}"
