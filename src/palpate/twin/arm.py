@@ -40,10 +40,17 @@ def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
 
     Raises:
         InputError: `path` exists, or cannot be written, or a joint or link is in an attached model;
-            or the dynamics are contradicted.
+            or the dynamics are contradicted, or the arm's file lacks a sensor that its
+            description mounts.
     """
     if found.contradictions:
         raise InputError(f"{path} is not written: {found.contradictions[0]}")
+    sensor = found.arm.wrench_sensor
+    if sensor is not None and (sensor.mass or sensor.height):
+        raise InputError(
+            f"{path} is not written: '{found.arm.name}' mounts a sensor that {found.arm.mjcf.name} does "
+            "not have; put it into the MJCF, and state 'mass: 0' and 'height: 0' in wrench_sensor"
+        )
     # Edit joints and links in the arm's own text.
     document = read_document(found.arm.mjcf)
     texts = rewritten(document, [*_joints(found, document), *_links(found, document)])

@@ -100,7 +100,11 @@ def test_figures_that_no_arm_has_are_contradicted(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"arm\.xml is not written: Friction is negative"):
         save_arm(found, tmp_path / "arm.xml")
     assert not (tmp_path / "arm.xml").exists()
-    assert identify(log, ARM).contradictions == ()
+    sound = identify(log, ARM)
+    assert sound.contradictions == ()
+    # A sensor that only the description mounts is not in the arm's file.
+    with pytest.raises(InputError, match=r"'fr3-ft' mounts a sensor that arm\.xml does not have"):
+        save_arm(replace(sound, arm=load_description("fr3-ft")), tmp_path / "arm.xml")
 
 
 def test_a_recording_that_the_arm_does_not_explain_is_contradicted() -> None:
