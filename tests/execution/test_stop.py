@@ -3,16 +3,35 @@
 from __future__ import annotations
 
 import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from faulty import Faulty
+from py_trees.common import Status
+from standin import IN_HAND, TICK, StandIn, tick
 
+from palpate.common.pose import Pose
+from palpate.execution.leaf import PrimitiveLeaf
 from palpate.execution.runner import run
-from palpate.execution.stop import HeldObject, unproven
+from palpate.execution.stop import (
+    EXTRA_TRAVEL,
+    RETREAT_SPEED,
+    STAYS,
+    HeldObject,
+    PutDown,
+    let_slip,
+    lost,
+    state_after_release,
+    unproven,
+)
 from palpate.planning.plan import Node, Plan
+from palpate.primitives.base import Blackboard, LeafFailure, Recorder
+from palpate.primitives.load import FingerLoad
+from palpate.primitives.rules.profile import GUARDED_SPEED
 from palpate.primitives.state import SymbolicState
 from palpate.robots.simulated.robot import MujocoRobot
+from palpate.robots.trajectory import rotate_quaternion
 from palpate.scene.load import parse_scene
 
 CELL = """<mujoco><worldbody>
@@ -352,3 +371,282 @@ def test_a_tilted_object_is_upright_before_it_is_put_down():
     done, robot = stopped(SCENE, world, steps, is_tilted)
     assert done.held == HeldObject("cup", "put down")
     assert displacement(robot) < 0.002
+
+
+class Commanded(StandIn):
+    """A stand-in that keeps its motions, openings and the thresholds of each."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.moves: list[tuple[str, float, float, float]] = []
+        self.opened: list[tuple[float, float | None]] = []
+
+    def move_axis(self, direction, speed, travel):
+        super().move_axis(direction, speed, travel)
+        way = "down" if direction[2] < 0 else "up"
+        self.moves.append((way, speed, travel, self.thresholds.force))
+
+    def move_pose(self, target, speed, slower=()):
+        super().move_pose(target, speed, slower)
+        if self.state.pose_world_tcp.angle_to(target) > 1e-6:
+            self.moves.append(("turn", speed, 0.0, self.thresholds.force))
+
+    def open_gripper(self, width=None):
+        super().open_gripper(width)
+        self.opened.append((self.state.t, width))
+
+
+AROUND = """<mujoco><worldbody><site name="robot_base"/>
+<body name="table" pos="0.5 0 0.005"><geom type="box" size="0.3 0.3 0.03"/></body>
+<body name="cup" pos="0.5 0 0.085"><freejoint/><geom type="box" size="0.03 0.02 0.05"/></body>{}
+</worldbody></mujoco>"""
+DESK = parse_scene(AROUND.format(""))
+WEIGHT = 3.0
+
+
+def blackboard_with(robot, z, scene=DESK, holding="cup", lifted=True, grasp=None, x=0.5, turn=0.0):
+    """The hand with the cup, `z` m high; its grasp is at 0.1 m. It is turned about y by `turn` rad."""
+    pose = Pose.top_down((x, 0.0, z), 0.0)
+    turned = Pose.of(pose.position, rotate_quaternion(pose.quaternion, turn * np.eye(3)[1:2])[0])
+    robot.put(pose_world_tcp=turned, target_world_tcp=turned, gripping=True, width=0.04)
+    robot.gripping_after, robot.between = True, 0.04
+    robot.weight, robot.support_z = WEIGHT, 0.1
+    state = SymbolicState(
+        scene,
+        pose_world_tcp=pose,
+        gripper="closed",
+        holding=holding,
+        grasp=grasp,
+        lifted=lifted,
+        pose_tcp_object=IN_HAND if holding else None,
+        activity="moving",
+    )
+    hanging = np.array([0.0, 0.0, WEIGHT, 0.0, 0.0, 0.0])
+    load = FingerLoad(np.zeros(6), width=0.04, hanging=hanging)
+    return Blackboard(robot, state, Recorder(robot), load=load)
+
+
+def put_down(blackboard, seconds=30.0):
+    """The message of the leaf; the robot keeps what was commanded."""
+    leaf = PrimitiveLeaf(PutDown(), blackboard, "stop")
+    tick(leaf, blackboard.robot, int(seconds / TICK))
+    assert leaf.status is not Status.RUNNING
+    return leaf.feedback_message
+
+
+def test_the_cup_is_lowered_pressed_released_and_left() -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2)
+    assert put_down(board) == "put cup down"
+    (down, up) = robot.moves
+    assert down == ("down", GUARDED_SPEED, pytest.approx(0.1 + EXTRA_TRAVEL), 60.0)
+    assert up[:3] == ("up", RETREAT_SPEED, 0.1)
+    assert up[3] < 20.0, "a collision in free air stops it"
+    ((_, width),) = robot.opened
+    assert width == 0.08
+    state = board.state
+    assert (state.holding, state.grasp, state.pose_tcp_object, state.lifted) == (None,) * 3 + (
+        False,
+    )
+    assert (state.gripper, state.contact, state.activity) == ("open", None, "still")
+    there = state.moved["cup"]
+    assert there.distance_to(DESK.body("cup").pose_world) < 0.006
+    # The support bore the cup with 5 N more for half a second, and the hand is 100 mm higher.
+    assert state.tcp.position[2] == pytest.approx(robot.state.pose_world_tcp.position[2], abs=1e-6)
+    assert state.tcp.position[2] == pytest.approx(there.position[2] + 0.015 + 0.1, abs=1e-3)
+
+
+def test_a_cup_without_a_support_stays_in_the_fingers() -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2)
+    robot.support_z = -1.0
+    assert put_down(board) == f"no support within 115 mm below 'cup': {STAYS}"
+    assert not robot.opened
+    assert board.state.holding == "cup"
+
+
+@pytest.mark.parametrize(("above", "told"), [(0.030, "met something"), (0.012, "put cup down")])
+def test_a_contact_far_above_the_support_is_an_obstacle(above, told) -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2)
+    robot.support_z = 0.1 + above
+    assert told in put_down(board)
+    assert bool(robot.opened) == (told == "put cup down")
+
+
+@pytest.mark.parametrize(
+    ("borne", "presses", "told"),
+    [
+        ([9.0], 1, "put cup down"),
+        ([WEIGHT + 1.0, 9.0], 2, "put cup down"),
+        ([WEIGHT + 1.0, WEIGHT + 1.0, WEIGHT + 3.0], 3, "put cup down"),
+        ([WEIGHT + 1.0] * 3, 3, "nothing bears 'cup' for long"),
+    ],
+)
+def test_a_support_that_yields_is_pressed_three_times_at_most(borne, presses, told) -> None:
+    """At rest it bears so many N after each press; 2 N more than the weight must remain."""
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2)
+
+    def yields(stand_in):
+        count = sum(way == "down" for way, *_ in robot.moves)
+        if count and not stand_in.state.moving and stand_in.state.gripping:
+            rests = WEIGHT - borne[count - 1]
+            stand_in.put(wrench=np.array([0, 0, rests, 0, 0, 0.0]))
+
+    robot.on_advance = yields
+    assert told in put_down(board)
+    downs = [travel for way, _, travel, _ in robot.moves if way == "down"]
+    assert len(downs) == presses
+    stiffness = DESK.arm.stiffness.translation
+    assert downs[1:] == pytest.approx([5.0 / stiffness] * (presses - 1))
+
+
+@pytest.mark.parametrize(("seconds", "told"), [(0.45, "nothing bears"), (0.9, "put cup down")])
+def test_a_support_must_bear_for_half_a_second(seconds, told) -> None:
+    """It gives way so long after the arm has come to rest for 0.3 s."""
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2)
+    rests = {"since": np.inf}
+
+    def gives_way(stand_in):
+        if any(way == "down" for way, *_ in robot.moves) and not stand_in.state.moving:
+            rests["since"] = min(rests["since"], stand_in.state.t)
+            if stand_in.state.gripping and stand_in.state.t - rests["since"] > 0.3 + seconds:
+                stand_in.put(wrench=np.array([0, 0, WEIGHT, 0, 0, 0.0]))
+
+    robot.on_advance = gives_way
+    assert told in put_down(board)
+
+
+@pytest.mark.parametrize(
+    ("z", "lifted", "grasp", "lowers"),
+    [
+        (0.1, False, None, False),
+        (0.1, True, None, True),
+        (0.0, False, "cup_pose", False),
+        (0.002, False, "cup_pose", False),
+        (0.004, False, "cup_pose", True),
+    ],
+)
+def test_an_object_on_its_support_is_released_where_it_is(z, lifted, grasp, lowers) -> None:
+    robot = Commanded()
+    found = float(DESK.symbols.resolve("cup_pose").position[2]) if grasp else 0.0
+    board = blackboard_with(robot, found + z, lifted=lifted, grasp=grasp)
+    robot.support_z = found + z - 0.002
+    assert "put cup down" in put_down(board)
+    assert any(way == "down" for way, *_ in robot.moves) == lowers
+
+
+def test_an_object_that_was_just_grasped_is_released() -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.1, holding=None)
+    assert put_down(board) == "put what was just grasped down"
+    assert [way for way, *_ in robot.moves] == ["up"]
+    assert board.state.moved == {}
+
+
+def test_a_tilted_hand_turns_back_first_and_an_upright_one_does_not() -> None:
+    for degrees, ways in ((20.0, ["turn", "down", "up"]), (2.0, ["down", "up"])):
+        robot = Commanded()
+        board = blackboard_with(robot, 0.25, turn=np.radians(degrees))
+        assert "put cup down" in put_down(board)
+        # A motion of the tilted hand is no turn.
+        assert [way for way, *_ in robot.moves] == ways
+        turns = [speed for way, speed, *_ in robot.moves if way == "turn"]
+        assert turns == [RETREAT_SPEED] * len(turns)
+
+
+BLOCK = '<body name="block" pos="0.5 0.088 {}"><geom type="box" size="0.02 0.012 0.005"/></body>'
+
+
+@pytest.mark.parametrize(("room", "rise"), [(0.3, 0.1), (0.085, 0.06), (0.05, 0.03), (0.02, None)])
+def test_the_hand_rises_only_as_far_as_it_is_clear(room, rise) -> None:
+    """A block is so far above the outer end of the hand."""
+    robot = Commanded()
+    scene = parse_scene(AROUND.format(BLOCK.format(0.1 + 0.0974 + room + 0.005)))
+    board = blackboard_with(robot, 0.1, scene, lifted=False)
+    done = put_down(board)
+    assert [travel for way, _, travel, _ in robot.moves if way == "up"] == [rise] * (
+        rise is not None
+    )
+    assert done.endswith("the way up is not clear") == (rise is None)
+
+
+@pytest.mark.parametrize(
+    ("gap", "width"), [(0.070, 0.08), (0.055, 0.06), (0.050, 0.05), (0.044, None)]
+)
+def test_the_fingers_open_only_as_far_as_they_meet_no_neighbour(gap, width) -> None:
+    """A peg stands so far from the middle of the fingers, which are 40 mm apart and 22 mm thick."""
+    peg = BESIDE.format(x=0.5, z=0.075, half=0.04).replace(" -0.1 ", f" {gap + 0.008} ")
+    robot = Commanded()
+    done = put_down(
+        blackboard_with(robot, 0.1, parse_scene(AROUND.format(peg)), lifted=False, holding="cup")
+    )
+    assert [opened for _, opened in robot.opened] == [pytest.approx(width)] * (width is not None)
+    assert done.startswith("the fingers cannot open, ") == (width is None)
+    assert done.endswith(STAYS) == (width is None)
+
+
+def test_over_the_edge_nothing_is_lowered_or_opened() -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.2, x=0.79)
+    assert "'cup' cannot be put down here, " in put_down(board)
+    assert not robot.moves
+    assert not robot.opened
+
+
+def test_a_fixture_that_does_not_go_back_stays_in_the_fingers(monkeypatch) -> None:
+    def fails(_):
+        raise LeafFailure("it sticks")
+        yield
+
+    scene = parse_scene(CHEST.format(lid="0.05"))
+    robot = Commanded()
+    board = blackboard_with(robot, 0.3, scene, holding="lid")
+    board.state = replace(board.state, pose_tcp_object=None)
+    monkeypatch.setitem(PutDown._back_to_rest.__globals__, "return_fixture", fails)
+    assert put_down(board) == f"'lid' is not back where it was found, it sticks: {STAYS}"
+    assert not robot.opened
+
+
+@pytest.mark.parametrize(
+    ("width", "load", "holding", "slips"),
+    [
+        (0.035, -3.0, "cup", True),
+        (0.035, -1.0, "cup", False),
+        (0.039, -3.0, "cup", False),
+        (0.035, -3.0, None, False),
+    ],
+)
+def test_a_slipping_object_is_released_only_while_it_presses(width, load, holding, slips) -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.1, holding=holding)
+    robot.put(width=width, wrench=np.array([0, 0, load, 0, 0, 0.0]))
+    assert let_slip(board) == slips
+    assert bool(robot.opened) == slips
+    assert (board.state.holding is None) == (slips or holding is None)
+
+
+def test_a_lost_object_is_believed_where_the_scene_has_it() -> None:
+    board = blackboard_with(Commanded(), 0.3)
+    board.state = replace(board.state, moved={"other": DESK.body("cup").pose_world})
+    assert set(state_after_release(board).moved) == {"cup", "other"}
+    assert set(lost(board).moved) == {"other"}
+    assert lost(board).holding is None
+
+
+def test_the_fate_of_what_was_held_is_told() -> None:
+    assert HeldObject("cup", "put down").warning is None
+    assert HeldObject("cup", "held").warning == "the fingers still hold 'cup'"
+    assert "what was grasped was not put down" in str(HeldObject(None, "lost").warning)
+
+
+def test_forces_of_a_release_are_expected_and_those_of_the_retreat_are_not() -> None:
+    state = blackboard_with(Commanded(), 0.2).state
+    expected = PutDown().expectation(state)
+    assert (expected.contact, expected.grasped) == (True, True)
+    assert not PutDown().expectation(replace(state, holding=None)).contact
+    released = replace(state, holding=None, activity="contact")
+    assert PutDown().expectation(released).contact
+    assert not PutDown().expectation(released).grasped
