@@ -380,14 +380,17 @@ class Commanded(StandIn):
         super().__init__()
         self.moves: list[tuple[str, float, float, float]] = []
         self.opened: list[tuple[float, float | None]] = []
+        self.times: list[float] = []
 
     def move_axis(self, direction, speed, travel):
         super().move_axis(direction, speed, travel)
         way = "down" if direction[2] < 0 else "up"
+        assert way == "down" or not self.state.gripper_moving, "the fingers are open"
         self.moves.append((way, speed, travel, self.thresholds.force))
 
     def move_pose(self, target, speed, slower=()):
         super().move_pose(target, speed, slower)
+        self.times.append(self.state.t)
         if self.state.pose_world_tcp.angle_to(target) > 1e-6:
             self.moves.append(("turn", speed, 0.0, self.thresholds.force))
 
@@ -442,8 +445,10 @@ def test_the_cup_is_lowered_pressed_released_and_left() -> None:
     assert down == ("down", GUARDED_SPEED, pytest.approx(0.1 + EXTRA_TRAVEL), 60.0)
     assert up[:3] == ("up", RETREAT_SPEED, 0.1)
     assert up[3] < 20.0, "a collision in free air stops it"
-    ((_, width),) = robot.opened
-    assert width == 0.08
+    assert robot.opened[0][1] == 0.08
+    # At rest for 0.3 s after each motion, and pressed for 0.5 s.
+    assert robot.opened[0][0] - robot.times[0] > 0.1 / GUARDED_SPEED + 0.8
+    assert robot.state.t - robot.times[1] > 0.1 / RETREAT_SPEED + 0.3
     state = board.state
     assert (state.holding, state.grasp, state.pose_tcp_object, state.lifted) == (None,) * 3 + (
         False,
@@ -500,6 +505,7 @@ def test_a_support_that_yields_is_pressed_three_times_at_most(borne, presses, to
     assert len(downs) == presses
     stiffness = DESK.arm.stiffness.translation
     assert downs[1:] == pytest.approx([5.0 / stiffness] * (presses - 1))
+    assert (np.diff(robot.times[:presses]) > 0.3).all()
 
 
 @pytest.mark.parametrize(("seconds", "told"), [(0.45, "nothing bears"), (0.9, "put cup down")])
@@ -554,6 +560,7 @@ def test_a_tilted_hand_turns_back_first_and_an_upright_one_does_not() -> None:
         # A motion of the tilted hand is no turn.
         assert [way for way, *_ in robot.moves] == ways
         turns = [speed for way, speed, *_ in robot.moves if way == "turn"]
+        assert robot.times[1] - robot.times[0] > 0.3
         assert turns == [RETREAT_SPEED] * len(turns)
 
 
@@ -634,6 +641,43 @@ def test_a_lost_object_is_believed_where_the_scene_has_it() -> None:
     assert set(state_after_release(board).moved) == {"cup", "other"}
     assert set(lost(board).moved) == {"other"}
     assert lost(board).holding is None
+
+
+def test_a_fixture_that_is_released_has_no_pose_in_the_hand() -> None:
+    board = blackboard_with(Commanded(), 0.3)
+    board.state = replace(board.state, pose_tcp_object=None)
+    assert state_after_release(board).moved == {}
+
+
+def test_a_force_that_remains_at_the_release_is_no_contact_on_the_way_up() -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.1, lifted=False)
+    robot.force = np.array([0, 0, -9.0, 0, 0, 0])
+    assert put_down(board) == "put cup down"
+    assert robot.thresholds.pressed == pytest.approx((0.0, 0.0, -9.0))
+
+
+@pytest.mark.parametrize(("force", "stops"), [(5.0, False), (30.0, True)])
+def test_a_force_on_the_way_up_is_a_contact(force, stops) -> None:
+    robot = Commanded()
+    board = blackboard_with(robot, 0.1, lifted=False)
+
+    def meets(stand_in):
+        if any(way == "up" for way, *_ in robot.moves):
+            stand_in.put(wrench=np.array([force, 0, 0, 0, 0, 0.0]))
+
+    robot.on_advance = meets
+    assert ("unexpected contact" in put_down(board)) == stops
+
+
+@pytest.mark.parametrize(("aside", "told"), [(0.10, "put cup down"), (0.045, "on the path to")])
+def test_an_object_is_lowered_only_where_the_way_is_clear(aside, told) -> None:
+    """A peg stands where one finger comes down, beside the place of the cup."""
+    peg = BESIDE.format(x=0.5, z=0.075, half=0.04).replace(" -0.1 ", f" {aside} ")
+    robot = Commanded()
+    done = put_down(blackboard_with(robot, 0.25, parse_scene(AROUND.format(peg))))
+    assert told in done
+    assert bool(robot.moves) == (told == "put cup down")
 
 
 def test_the_fate_of_what_was_held_is_told() -> None:
