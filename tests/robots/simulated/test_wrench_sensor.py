@@ -13,7 +13,7 @@ from palpate.common.pose import Array, Pose, rotations
 from palpate.robots.owner import load_description
 from palpate.robots.sheet import WristSheet
 from palpate.robots.simulated.noise.model import Streams, WristErrors
-from palpate.robots.simulated.noise.wrist import WristSensor
+from palpate.robots.simulated.noise.sensors import WristSensor
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.trace.recording import WrenchSensor
 from palpate.trace.samples import Samples

@@ -78,7 +78,7 @@ class WrenchLog:
         return len(self.t)
 
 
-class Part(NamedTuple):
+class VectorComponent(NamedTuple):
     """Component of a vector: words of its name without the component, kind of vector, and its place."""
 
     stem: tuple[str, ...]
@@ -86,7 +86,7 @@ class Part(NamedTuple):
     place: int
 
 
-class Group(NamedTuple):
+class VectorColumns(NamedTuple):
     """Columns of one vector in a table."""
 
     table: int
@@ -160,7 +160,7 @@ def has_wrench(tables: Sequence[tuple[str, Table]]) -> bool:
     return any(_wrenches([*_groups(tables, [flat_columns(table) for _, table in tables])]))
 
 
-def _part(name: str) -> Part | None:
+def _part(name: str) -> VectorComponent | None:
     """Split a column's name into vector and component; None for other columns."""
     words = words_of(name)
     while len(words) > 1 and words[-1] in UNIT_WORDS:
@@ -171,31 +171,35 @@ def _part(name: str) -> Part | None:
     before = stem[-1] if stem else ""
     # Components by letter: `fx`, `force.x`, `orientation.w`, `rx`.
     if re.fullmatch("[ftm][xyz]", last):
-        return Part(tuple(stem), "wrench", LETTERS.index(last[1]) + 3 * (last[0] != "f"))
+        return VectorComponent(tuple(stem), "wrench", LETTERS.index(last[1]) + 3 * (last[0] != "f"))
     if re.fullmatch("q[wxyz]", last):
-        return Part(tuple(stem), "quat", "wxyz".index(last[1]))
+        return VectorComponent(tuple(stem), "quat", "wxyz".index(last[1]))
     if last in ROLL:
-        return Part(tuple(stem), "rpy", ROLL.index(last))
+        return VectorComponent(tuple(stem), "rpy", ROLL.index(last))
     if re.fullmatch("r[xyz]", last):
-        return Part(tuple(stem), "rotvec", LETTERS.index(last[1]))
+        return VectorComponent(tuple(stem), "rotvec", LETTERS.index(last[1]))
     if last in LETTERS and before in FORCE_WORDS | TORQUE_WORDS:
-        return Part(tuple(stem[:-1]), "wrench", LETTERS.index(last) + 3 * (before in TORQUE_WORDS))
+        return VectorComponent(
+            tuple(stem[:-1]), "wrench", LETTERS.index(last) + 3 * (before in TORQUE_WORDS)
+        )
     if last in "wxyz" and before in TURN_WORDS:
-        return Part(tuple(stem[:-1]), "quat", "wxyz".index(last))
+        return VectorComponent(tuple(stem[:-1]), "quat", "wxyz".index(last))
     if last in LETTERS:
-        return Part(tuple(stem[:-1] if before in PLACE_WORDS else stem), "pos", LETTERS.index(last))
+        return VectorComponent(
+            tuple(stem[:-1] if before in PLACE_WORDS else stem), "pos", LETTERS.index(last)
+        )
     # Components by number: `ft[3]`, `actual_TCP_force_0`.
     number = re.fullmatch(r"([a-z]*)_?(\d+)", last)
     if number is None:
         return None
     word = number[1] or before
     rest = stem if number[1] else stem[:-1]
-    return Part(tuple(rest), f"#{word}", int(number[2])) if word else None
+    return VectorComponent(tuple(rest), f"#{word}", int(number[2])) if word else None
 
 
 def _groups(
     tables: Sequence[tuple[str, Table]], flat: Sequence[Table]
-) -> Iterator[tuple[str, Group]]:
+) -> Iterator[tuple[str, VectorColumns]]:
     """Yield the vectors of all tables with their kinds; components in order, numbers from 0 or 1 on."""
     for place, (topic, _) in enumerate(tables):
         found: dict[tuple[tuple[str, ...], str], dict[int, str]] = {}
@@ -210,10 +214,10 @@ def _groups(
             names = [parts[index] for index in order]
             values = np.column_stack([flat[place][name] for name in names])
             label = " ".join(filter(None, [topic, f"{names[0]} … {names[-1]}"]))
-            yield kind, Group(place, (*words_of(topic), *stem), names, label, values)
+            yield kind, VectorColumns(place, (*words_of(topic), *stem), names, label, values)
 
 
-def _wrenches(groups: Sequence[tuple[str, Group]]) -> list[Group]:
+def _wrenches(groups: Sequence[tuple[str, VectorColumns]]) -> list[VectorColumns]:
     """Select the vectors that are wrenches."""
     return [
         group
@@ -222,12 +226,12 @@ def _wrenches(groups: Sequence[tuple[str, Group]]) -> list[Group]:
     ]
 
 
-def _poses(groups: Sequence[tuple[str, Group]], columns: ColumnMap) -> list[Group]:
+def _poses(groups: Sequence[tuple[str, VectorColumns]], columns: ColumnMap) -> list[VectorColumns]:
     """Select and complete the vectors that are orientations: (n, 4) wxyz or (n, 7) with a position."""
     places = {
         (g.table, g.stem): g for kind, g in groups if kind == "pos" and g.values.shape[1] == 3
     }
-    found: list[Group] = []
+    found: list[VectorColumns] = []
     for kind, group in groups:
         values, size = group.values, group.values.shape[1]
         at = places.get((group.table, group.stem))
@@ -255,7 +259,7 @@ def _poses(groups: Sequence[tuple[str, Group]], columns: ColumnMap) -> list[Grou
 
 def _poses_of_joints(
     flat: Sequence[Table], columns: ColumnMap, arm: RobotDescription
-) -> Iterator[Group]:
+) -> Iterator[VectorColumns]:
     """Yield the poses of an arm's TCP by its joint angles."""
     for place, table in enumerate(flat):
         run = find_joints(table, columns)
@@ -266,7 +270,7 @@ def _poses_of_joints(
             tool = NominalArm(arm, Pose.of((0.0, 0.0, 0.0)), np.zeros(3)).poses(q)
             names = [one.name for one in run]
             label = f"that of the TCP of '{arm.name}' by {names[0]} … {names[-1]}"
-            yield Group(place, (), names, label, tool)
+            yield VectorColumns(place, (), names, label, tool)
 
 
 def _ordered(values: Array, columns: ColumnMap) -> Array:
@@ -306,11 +310,11 @@ def _of_matrices(values: Array) -> Array:
 def _choose(
     signal: str,
     stated: str | list[str] | None,
-    found: Sequence[Group],
+    found: Sequence[VectorColumns],
     flat: Sequence[Table],
     tables: Sequence[tuple[str, Table]],
     source: str,
-) -> Group | None:
+) -> VectorColumns | None:
     """Choose the vector that the map states, or the only one.
 
     Raises:
@@ -339,19 +343,19 @@ def _choose(
     return named[0]
 
 
-def _mapped(signal: str, stated: str | list[str], flat: Sequence[Table]) -> list[Group]:
+def _mapped(signal: str, stated: str | list[str], flat: Sequence[Table]) -> list[VectorColumns]:
     """Six columns that the map lists, or a column of six numbers or a slice."""
-    found: list[Group] = []
+    found: list[VectorColumns] = []
     for place, table in enumerate(flat):
         run = mapped_columns(table, signal, stated)
         if len(run) == 6 and signal == "wrench":
             names = [one.name for one in run]
             values = np.column_stack([one.values for one in run])
-            found.append(Group(place, (), names, list_names(names, 2), values))
+            found.append(VectorColumns(place, (), names, list_names(names, 2), values))
     return found
 
 
-def _measured_first(found: Sequence[Group]) -> list[Group]:
+def _measured_first(found: Sequence[VectorColumns]) -> list[VectorColumns]:
     """Prefer raw and measured vectors where there are several."""
     for words in ({"raw"}, {"actual"}, {"measured"}):
         few = [one for one in found if words & {*one.stem, *words_of(one.columns[0])}]
@@ -400,7 +404,7 @@ def _at_common_times(
     return wrench[near], t[near], np.column_stack(even)
 
 
-def _full_poses(pose: Array, group: Group, source: str) -> tuple[Array, bool]:
+def _full_poses(pose: Array, group: VectorColumns, source: str) -> tuple[Array, bool]:
     """Poses (n, 7) with unit quaternions, and whether positions were logged."""
     size = np.linalg.norm(pose[:, -4:], axis=1)
     if np.abs(np.median(size) - 1.0) > 0.02 or (size < 0.5).any():
@@ -415,7 +419,7 @@ def _full_poses(pose: Array, group: Group, source: str) -> tuple[Array, bool]:
     return np.column_stack([place, turned]), has_positions
 
 
-def _require_alive(values: Array, group: Group, source: str) -> None:
+def _require_alive(values: Array, group: VectorColumns, source: str) -> None:
     """Check that no column of a wrench is constant or saturated.
 
     Raises:

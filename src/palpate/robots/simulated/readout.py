@@ -12,8 +12,7 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.simulated.noise.disturbances import LoggedMotion
 from palpate.robots.simulated.noise.line import Stamps
-from palpate.robots.simulated.noise.sensors import Encoders, Sensors
-from palpate.robots.simulated.noise.wrist import WristSensor
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors, WristSensor
 from palpate.robots.simulated.timing import LONGEST_RUN, PERIOD
 from palpate.robots.simulated.world import Steps
 from palpate.robots.springs import SpringGains, Swivel

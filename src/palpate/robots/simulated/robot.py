@@ -24,9 +24,8 @@ from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.noise.line import Stamps
 from palpate.robots.simulated.noise.model import Streams
 from palpate.robots.simulated.noise.models import noise_models
-from palpate.robots.simulated.noise.sensors import Encoders, Sensors
+from palpate.robots.simulated.noise.sensors import Encoders, Sensors, WristSensor
 from palpate.robots.simulated.noise.true_arm import TrueArm
-from palpate.robots.simulated.noise.wrist import WristSensor
 from palpate.robots.simulated.readout import Readout
 from palpate.robots.simulated.setpoints import (
     Correction,

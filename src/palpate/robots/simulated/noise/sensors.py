@@ -1,4 +1,4 @@
-"""Torque sensors with gain, hysteresis, drift and coloured noise, and joint encoders."""
+"""Torque sensors with gain, hysteresis, drift and coloured noise, joint encoders, and a wrench sensor."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.robots.nominal import RIDGE
+from palpate.robots.sheet import WristSheet
 from palpate.robots.simulated.noise.disturbances import (
     BaseVibration,
     Cable,
@@ -20,7 +21,15 @@ from palpate.robots.simulated.noise.disturbances import (
     Waves,
 )
 from palpate.robots.simulated.noise.line import SignalLine
-from palpate.robots.simulated.noise.model import JOINTS, Flicker, NoiseModel, Streams, Torque
+from palpate.robots.simulated.noise.model import (
+    JOINTS,
+    DrawnValue,
+    Flicker,
+    NoiseModel,
+    Streams,
+    Torque,
+    WristErrors,
+)
 from palpate.robots.simulated.timing import BLOCK, PERIOD
 
 THRESHOLDS = 8  # play operators of the hysteresis, each half as wide as the one before
@@ -337,3 +346,45 @@ class Sensors:
         if not self._noisy:
             return np.zeros((count, JOINTS))
         return self._white * self._looks.standard_normal((count, JOINTS))
+
+
+# Six-axis force/torque sensor at the wrist.
+
+WRENCH = 6  # axes
+MOMENT_LEVER = 0.3  # m: relates the cross-talk between forces and moments
+
+
+class WristSensor:
+    """Sensor whose errors are drawn once per robot, and whose noise and drift are drawn per run."""
+
+    def __init__(self, sheet: WristSheet, errors: WristErrors, streams: Streams) -> None:
+        """Draw the errors: those of the data sheet `sheet`, times the factors of the noise model."""
+        # Sensitivity: a common gain, cross-talk between the axes, and a turn in the mounting.
+        unit = np.repeat([1.0, MOMENT_LEVER], 3)
+
+        def draw(name: str, size: float, shape: tuple[int, ...]) -> Array:
+            drawn = DrawnValue("normal", np.full(shape, size))
+            return drawn.draw(streams(f"sensor.{name}"))
+
+        crossed = draw("crosstalk", errors.crosstalk * sheet.crosstalk, (WRENCH, WRENCH))
+        np.fill_diagonal(crossed, 0.0)
+        gain = float(draw("gain", errors.gain * sheet.gain, ()))
+        x, y, z = draw("mounting", errors.mounting * sheet.mounting, (3,)).tolist()
+        turn = np.array([[1.0, z, -y], [-z, 1.0, x], [y, -x, 1.0]])
+        turned = np.kron(np.eye(2), turn)
+        matrix = (1.0 + gain) * np.eye(WRENCH) + unit[:, None] * crossed / unit
+        self._matrix: Array = matrix @ turned
+        self._range = sheet.range
+        # Noise of a block's mean, and a zero that drifts.
+        self._white = errors.white * sheet.white / np.sqrt(BLOCK)
+        self._random = streams.run("sensor.white")
+        self._zero = draw("offset", errors.offset, (WRENCH,)) * sheet.drift
+        drift = errors.drift * sheet.drift
+        self._drift = Relaxation(drift, sheet.drift_time, streams.run("sensor.drift"), WRENCH)
+
+    def read(self, wrench: Array) -> Array:
+        """Measure wrenches (n, 6), N and N m, that the arm exerts below the sensor, in its axes."""
+        found = wrench @ self._matrix.T
+        found += self._zero + self._drift.after(len(wrench) * PERIOD)
+        found += self._white * self._random.standard_normal(found.shape)
+        return np.clip(found, -self._range, self._range)
