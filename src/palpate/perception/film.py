@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, lru_cache
 from itertools import chain
 from multiprocessing import Pipe, parent_process
 from pathlib import Path
@@ -20,7 +20,7 @@ from PIL import Image, ImageDraw, ImageFont
 from palpate.common.pose import Array
 from palpate.common.processes import Beside, can_copy
 from palpate.perception.renderer import Painter, Pixels, extent, gl_available
-from palpate.perception.stage import build_stage, in_view, moving_bodies
+from palpate.perception.stage import FLOOR, build_stage, in_view, moving_bodies
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Samples, Trace
 
@@ -28,16 +28,21 @@ if TYPE_CHECKING:
     from multiprocessing.connection import Connection
 
 
-FPS = 10.0
+FPS = 8.0
 SPEED = 2.5  # Ratio. Playback speed relative to robot time; long runs are faster.
 # s. Maximum length of a film. It keeps the report small and rendering fast without a GPU.
 LONGEST = 20.0
-SIZE = (624, 416)
-QUALITY = 27  # x264 constant rate factor: about 100 kB for 10 s at 640 x 400
+SIZE = (528, 352)  # px. Size at which the report shows the film on a desktop.
+QUALITY = 27  # x264 constant rate factor: about 100 kB for 15 s
+BAND = 28  # px. Height of the caption.
+# m. Smallest motion of a shape for which a new frame is rendered: a quarter of a pixel.
+STILL = 5e-4
 SAMPLES = 12  # Number of configurations that determine the view
 # m. Maximum difference between the views of two interchangeable shots: a third of the visible
 # surroundings.
 APART = 0.05
+BACKGROUND, OPACITY = (15, 20, 26), 190
+INK, ACCENT = (240, 244, 248), (94, 234, 212)
 Caption = tuple[str, str]  # Texts at the bottom left and bottom right of a picture
 NOTHING: Caption = ("", "")
 Frame = tuple[Array, Caption]  # Configuration (nq,) and caption
@@ -137,16 +142,25 @@ def film_frames(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film |
 
 
 def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator[Pixels]:
-    # Hard shadows: a film is drawn in draft quality.
+    # Draft quality: hard shadows, and a plain floor. The floor's texture takes a third of the time.
     model = footage.drawn(soft=False)
+    floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, FLOOR)
+    if floor >= 0:
+        model.mat_texid[floor] = -1
     data = mujoco.MjData(model)
+    radii = model.geom_rbound[:, None]
+    places, picture = np.full((model.ngeom, 12), np.inf), np.empty(0, np.uint8)
     # One static camera for all frames.
     with Painter(model, *SIZE, draft=True) as painter:
         camera = painter.enclose(shot.points)
         for configuration, caption in frames:
             data.qpos[:] = configuration
             mujoco.mj_forward(model, data)
-            picture = painter.paint(data, camera)
+            # A shape moves by at most its shift plus its radius times its turn. While nothing
+            # moves visibly, the last picture is shown again.
+            now = np.hstack([data.geom_xpos, radii * data.geom_xmat])
+            if not np.abs(now - places).max() < STILL:
+                picture, places = painter.paint(data, camera), now
             yield picture if caption == NOTHING else _add_caption(picture, caption)
 
 
@@ -163,20 +177,25 @@ def captions(leaves: Sequence[LeafRun], samples: Samples, times: Sequence[float]
 
 
 def _add_caption(picture: Pixels, caption: Caption) -> Pixels:
-    """Draw a caption in a dark band at the bottom of a picture."""
+    """Return a picture with a caption in a dark band at its bottom."""
+    # Only the band is drawn: it is a twelfth of the picture.
     leaves, figures = caption
-    # A dark band with the leaves at the left and the figures at the right.
-    image, font = Image.fromarray(picture), _font()
-    draw = ImageDraw.Draw(image, "RGBA")
-    width, height = image.size
-    # Shorten the left text until it leaves space for the right one.
-    while len(leaves) > 1 and draw.textlength(leaves, font=font) > width - 190:
-        leaves = leaves[:-2] + "…"
-    top = height - 22
-    draw.rectangle((0, height - 28, width, height), fill=(15, 20, 26, 190))
-    draw.text((12, top), leaves, font=font, fill=(240, 244, 248, 255))
-    draw.text((width - 12, top), figures, font=font, fill=(94, 234, 212, 255), anchor="ra")
-    return np.asarray(image)
+    band, font = Image.fromarray(picture[-BAND:]), _font()
+    width, middle = band.width, BAND // 2
+    band.paste(BACKGROUND, (0, 0), Image.new("L", band.size, OPACITY))
+    draw = ImageDraw.Draw(band)
+    draw.text((12, middle), _shorten(leaves, width - 190), font=font, fill=INK, anchor="lm")
+    draw.text((width - 12, middle), figures, font=font, fill=ACCENT, anchor="rm")
+    return np.concatenate([picture[:-BAND], np.asarray(band)])
+
+
+@lru_cache(maxsize=16)
+def _shorten(text: str, width: int) -> str:
+    """Cut a text so that it fits into `width` pixels."""
+    font = _font()
+    while len(text) > 1 and font.getlength(text) > width:
+        text = text[:-2] + "…"
+    return text
 
 
 @cache
