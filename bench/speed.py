@@ -35,7 +35,7 @@ from palpate.studies.scenarios.catalogue import scenario
 
 ROOT = Path(__file__).parents[1]
 ROUNDS = 3
-COUNTS = (1, 5, 15, 40)
+COUNTS = (1, 5, 15, 40, 80)
 """Objects on the table, for the growth with their number."""
 KILOBYTES = 1024  # of one MB: `ru_maxrss` is in kB
 SWAY = 2.0  # s of robot time in which the arm sways before them

@@ -313,12 +313,13 @@ def run_all(noise: str, seed: int, workers: int = 1, count: int = 0) -> dict[str
 
 
 def crowd(folder: Path, count: int) -> Path:
-    """A scene file of `count` small boxes, up to 40, on a table in rows of four, every mass missing."""
+    """Write a scene of `count` small boxes, up to 80, on a table in rows of four or eight; every mass is missing."""
     things: list[Thing] = []
     first, apart = (-0.32, 0.16) if count <= 20 else (-0.45, 0.1)
+    columns, near, width = (4, 0.35, 0.11) if count <= 40 else (8, 0.29, 0.05)
     for i in range(count):
-        row, column = divmod(i, 4)
-        spot = (0.35 + 0.11 * column, first + apart * row)
+        row, column = divmod(i, columns)
+        spot = (near + width * column, first + apart * row)
         things.append(Thing(f"box_{i + 1}", "box", (0.02, 0.02, 0.025), 0.05 + 0.02 * i, spot))
     missing = _mass(*(thing.name for thing in things))
     settings = Variety("crowd", 0.0, 0.0, tuple(things), missing).write(folder)

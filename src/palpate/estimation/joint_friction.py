@@ -148,17 +148,11 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
     free, known = _free_motion(samples, states[:, :, usual], empty, height)
     if free.sum() < FREE_MOTION:
         return states[:, :, usual]
-    # Least squares for all joints and states at once: project out the columns of `known`.
-    axes, sizes, _ = np.linalg.svd(known, full_matrices=False)
-    axes = axes[:, sizes > len(known) * np.finfo(float).eps * sizes[0]]
-
-    def excess_over_noise(columns: Array) -> Array:
-        return columns - axes @ (axes.T @ columns)
-
+    axes = _column_space(known)
     found: list[Array] = []
-    torques = excess_over_noise(samples.tau_ext[free])
+    torques = _project_out(axes, samples.tau_ext[free])
     for way, tau in zip(states.transpose(1, 0, 2), torques.T, strict=True):
-        ways = excess_over_noise(way[free])
+        ways = _project_out(axes, way[free])
         # Residual variance of the torque with each presliding distance.
         explained = (tau @ ways) ** 2 / np.maximum((ways**2).sum(axis=0), FLOOR**2)
         left = (tau @ tau - explained) / len(tau) + FLOOR**2
@@ -168,21 +162,37 @@ def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
     return np.array(found).T
 
 
-def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) -> tuple[Mask, Array]:
-    """Select the rows (n,) of free motion of the `empty` hand above `height`, and their nuisance
-    columns (k, p).
+def _column_space(columns: Array) -> Array:
+    """Compute orthonormal axes (n, r) of the space of the columns (n, p) of rank r."""
+    axes, sizes, _ = np.linalg.svd(columns, full_matrices=False)
+    return axes[:, sizes > len(columns) * np.finfo(float).eps * sizes[0]]
 
-    The columns are acceleration, squared speed, a constant, the angles and their squares.
-    """
+
+def _project_out(axes: Array, columns: Array) -> Array:
+    """Subtract from columns (n, k) their parts in the space of orthonormal `axes` (n, r)."""
+    return columns - axes @ (axes.T @ columns)
+
+
+@once
+def _rates(samples: Samples) -> Array:
+    """Compute joint speeds, rad/s, and accelerations, rad/s², by smoothed differences: (2, n, m)."""
 
     def rate(values: Array, over: float) -> Array:
         rows = max(1, round(over / max(float(np.median(np.diff(samples.t))), 1e-9)))
         rates: Array = np.asarray(np.gradient(values, samples.t, axis=0))
         return np.column_stack([smooth_rows(one, rows) for one in rates.T])
 
-    # Joint speeds and accelerations by smoothed differences.
     speed = rate(samples.q, SMOOTH)
-    faster = rate(speed, 2 * SMOOTH)
+    return np.array([speed, rate(speed, 2 * SMOOTH)])
+
+
+def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) -> tuple[Mask, Array]:
+    """Select the rows (n,) of free motion of the `empty` hand above `height`, and their nuisance
+    columns (k, p).
+
+    The columns are acceleration, squared speed, a constant, the angles and their squares.
+    """
+    speed, faster = _rates(samples)
     # The hand is empty and high, the arm has begun to move, and moves without jerks.
     free = empty & (samples.pose_world_tcp[:, 2] > height) & (np.abs(states).max(axis=1) > 0.5)
     free = free & (np.abs(faster).max(axis=1) < SLOWLY)
@@ -208,31 +218,20 @@ def joint_friction(
         # Too little free motion: the prior.
         none = np.zeros(samples.q.shape[1])
         return none, none + JOINT_LEVEL
-    torques = samples.tau_ext[free]
-    found = [
-        friction_level(known, way, tau) for way, tau in zip(states[free].T, torques.T, strict=True)
-    ]
-    mean, own = np.array(found).T
-    return mean, np.hypot(JOINT_ERROR, own)
-
-
-def friction_level(known: Array, way: Array, tau: Array) -> tuple[float, float]:
-    """Fit the coefficient of `way` (n,) next to the columns `known`, at least 0, and its standard
-    deviation."""
-    design = np.column_stack([way, known])
-    # Without a reversal there is no information: keep a prior of the usual friction.
-    prior = np.zeros(design.shape[1])
-    prior[0] = JOINT_LEVEL**-2.0
-    left = tau - design @ np.linalg.lstsq(design, tau, rcond=None)[0]
+    # Project out the nuisance columns: one factorisation serves all joints.
+    axes = _column_space(known)
+    ways, torques = _project_out(axes, states[free]), _project_out(axes, samples.tau_ext[free])
+    sizes, shared = (ways**2).sum(axis=0), (ways * torques).sum(axis=0)
+    left = torques - ways * (shared / np.maximum(sizes, FLOOR**2))
     # Residual variance: of single rows, or of block means times the block length where slower noise
     # dominates.
     size = CORRELATED_ROWS
-    whole = left[: len(left) // size * size].reshape(-1, size)
-    scatter = max(float(left.var()), size * float(whole.mean(axis=1).var()), FLOOR**2)
-    # Posterior with that prior.
-    covariance = np.linalg.pinv(design.T @ design / scatter + np.diag(prior))
-    found = covariance @ (design.T @ tau) / scatter
-    return max(0.0, float(found[0])), float(np.sqrt(covariance[0, 0]))
+    means = left[: len(left) // size * size].reshape(-1, size, left.shape[1]).mean(axis=1)
+    scatter = np.maximum(left.var(axis=0), size * means.var(axis=0)).clip(FLOOR**2)
+    # Posterior, at least 0. Without a reversal the prior of the usual friction remains.
+    variance = 1.0 / (sizes / scatter + JOINT_LEVEL**-2.0)
+    mean = np.maximum(variance * shared / scatter, 0.0)
+    return mean, np.hypot(JOINT_ERROR, np.sqrt(variance))
 
 
 def joint_friction_force(
