@@ -12,7 +12,7 @@ import pytest
 
 from palpate.perception import film as films
 from palpate.perception.film import FPS, LONGEST, SPEED, Film, Footage, film_of, mp4
-from palpate.perception.renderer import gl_available
+from palpate.perception.renderer import Painter, Pixels, gl_available
 from palpate.trace.samples import Trace
 
 usable, reason = gl_available()
@@ -68,3 +68,20 @@ def test_frames_of_odd_size_are_cropped(tmp_path: Path) -> None:
     assert content is not None
     path.write_bytes(content)
     assert iio.imread(path, plugin="FFMPEG").shape[1:] == (30, 40, 3)
+
+
+@needs_gl
+def test_still_moments_are_not_rendered_again(monkeypatch: pytest.MonkeyPatch) -> None:
+    rendered: list[float] = []
+    paint = Painter.paint
+
+    def count(self: Painter, data: mujoco.MjData, camera: mujoco.MjvCamera) -> Pixels:
+        rendered.append(float(data.qpos[2]))
+        return paint(self, data, camera)
+
+    monkeypatch.setattr(Painter, "paint", count)
+    # The ball rests with a tremor below a quarter of a pixel, then jumps, and rests again.
+    heights = [0.6 + (0.0002 if n % 2 else 0.0) + (0.01 if n > 60 else 0.0) for n in range(120)]
+    frames = [(n / 30, np.array([0, 0, z, 1, 0, 0, 0])) for n, z in enumerate(heights)]
+    assert film_of(Footage(BALL, tuple(frames)), None) is not None
+    assert rendered == pytest.approx([0.6, 0.61], abs=3e-4)

@@ -11,7 +11,7 @@ from functools import cache, lru_cache
 from itertools import chain
 from multiprocessing import Pipe, parent_process
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import mujoco
 import numpy as np
@@ -144,9 +144,10 @@ def film_frames(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film |
 def _pictures(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Iterator[Pixels]:
     # Draft quality: hard shadows, and a plain floor. The floor's texture takes a third of the time.
     model = footage.drawn(soft=False)
-    floor = mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_MATERIAL, FLOOR)
-    if floor >= 0:
-        model.mat_texid[floor] = -1
+    painted: Any = model  # The stubs of MuJoCo 4.0 lack its materials.
+    for material in range(painted.nmat):
+        if painted.mat(material).name == FLOOR:
+            painted.mat_texid[material] = -1
     data = mujoco.MjData(model)
     radii = model.geom_rbound[:, None]
     places, picture = np.full((model.ngeom, 12), np.inf), np.empty(0, np.uint8)
