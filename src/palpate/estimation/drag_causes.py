@@ -24,7 +24,7 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.estimation.drags import Drag
-from palpate.estimation.joint_causes import gain_cause
+from palpate.estimation.joint_causes import build_gain
 from palpate.estimation.regression import Cause, PriorScale
 from palpate.estimation.wrench_observation import WrenchObservation, gain_root
 from palpate.trace.recording import NominalHand
@@ -130,7 +130,7 @@ def support_columns(drag: Drag, middle: Array, usual: float) -> Array:
     )
 
 
-def support_causes(columns: Array, mu: float) -> list[Cause]:
+def build_support(columns: Array, mu: float) -> list[Cause]:
     """Build the causes of `SUPPORT` from their columns (n, 18), near a coefficient `mu`."""
     found: list[Cause] = []
     for name, which, prior, of in SUPPORT:
@@ -140,7 +140,7 @@ def support_causes(columns: Array, mu: float) -> list[Cause]:
     return found
 
 
-def arm_causes(
+def build_drag_arm(
     drags: Sequence[Drag], observed: WrenchObservation, hand: NominalHand, mu: float
 ) -> tuple[list[Cause], Array]:
     """Build the causes of the arm in the rows of all drags, linearised at `mu`; drag after drag.
@@ -163,7 +163,7 @@ def arm_causes(
     causes = [
         Cause(JOINTS, rubbing, np.hypot(unsure, ANOTHER * friction), "arm"),
         Cause(ONE_DRAG, own_drag, each),
-        gain_cause(gains),
+        build_gain(gains),
     ]
     return causes, friction
 

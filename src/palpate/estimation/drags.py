@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.estimation.coloured_residual import ColouredResidual
-from palpate.estimation.joint_causes import of_empty_hand
+from palpate.estimation.joint_causes import learn_arm_residual
 from palpate.estimation.joint_friction import FLOOR, SMOOTH, joint_friction, joint_ways
 from palpate.estimation.load_blocks import joint_travel, rows_in_free_air
 from palpate.estimation.load_noise import UNKNOWN_NOISE, SignalLevels, block_noise, load_rows
@@ -349,7 +349,7 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
         ways[hanging].mean(axis=0),
         *joint_friction(samples, ways, load.empty, floor + HANGING),
         noise,
-        of_empty_hand(trace, name),
+        learn_arm_residual(trace, name),
     )
     # Commanded horizontal velocity: it selects the drags.
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)

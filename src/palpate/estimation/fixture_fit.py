@@ -11,7 +11,7 @@ from palpate.common.pose import Array, Joint
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
 from palpate.estimation.evidence import once
-from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS, gain_cause
+from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISCOUS, build_gain
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
 from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
@@ -249,7 +249,7 @@ def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
     # Gain errors are proportional to the measured force, so they need a first fit.
     felt = sum_of(first, OF_JOINT)[:, None]
     gains = gain_root(trace.hand, int(passes.shown.shape[1]))
-    causes.append(gain_cause((felt * passes.shown) @ gains))
+    causes.append(build_gain((felt * passes.shown) @ gains))
     causes.append(_load_friction_cause(passes, first))
     scales = [PriorScale((GAIN,), *GAINS_OFF)]
     found = fit(causes, noise, passes.force, scales)

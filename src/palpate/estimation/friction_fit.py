@@ -21,7 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
+from palpate.estimation.coloured_residual import Spans
 from palpate.estimation.drag_causes import (
     BEND,
     BIAS,
@@ -33,10 +33,10 @@ from palpate.estimation.drag_causes import (
     PULLS,
     UNEVEN,
     UNEVEN_SCALE,
-    arm_causes,
+    build_drag_arm,
+    build_support,
     middle_of,
     signal_levers,
-    support_causes,
     support_columns,
     usual_speed,
 )
@@ -52,13 +52,11 @@ from palpate.estimation.estimate import (
     unit_slopes,
 )
 from palpate.estimation.joint_causes import (
+    build_cause,
+    build_free_motion,
+    build_load,
     by_signal,
-    cause,
-    free_noise,
-    of_arm,
-    of_load,
-    of_turning,
-    scales,
+    fit_blocks,
 )
 from palpate.estimation.load_blocks import UP, Blocks, Rows, blocks, free_rows
 from palpate.estimation.load_noise import flicker
@@ -67,7 +65,6 @@ from palpate.estimation.regression import (
     Cause,
     Posterior,
     PriorScale,
-    Projected,
     SignalNoise,
     fit,
     place_unknowns,
@@ -260,8 +257,8 @@ def _fit_drags(
     # Causes in every row of the drags, and in the blocks of steady sliding.
     middle, usual = middle_of(drags), usual_speed(drags)
     support = np.concatenate([support_columns(drag, middle, usual) for drag in drags])
-    arm, expected = arm_causes(drags, observed, hand, mu)
-    every = [*support_causes(support, mu), *arm]
+    arm, expected = build_drag_arm(drags, observed, hand, mu)
+    every = [*build_support(support, mu), *arm]
     first = np.cumsum([0, *(len(drag.t) for drag in drags)])
     steady = [
         start + block for start, drag in zip(first, drags, strict=False) for block in drag.blocks
@@ -444,27 +441,17 @@ def _fitted(
     # In a drag, hand and support together carry the weight, and the hand accelerates it.
     along = seen.acceleration * [1.0, 1.0, 0.0] / trace.gravity
     pull = seen.pull + slides * (UP + along)
-    load = list(of_load(seen, pull))
+    load = list(build_load(seen, pull))
     # Force of the support on the hand at `about`, as torques; the gains act on the measured sum.
     rubs = pressed.normal[:, None] * (about * pressed.way - slides * UP)
     borne = force * load[0].columns[:, 0] + by_signal(seen.torques(rubs))
     free = int(np.sum(pressed.slides == 0.0))
-    # Causes of the torques: scene, load, and arm.
-    scene = [*of_scene(seen, pressed, about), of_steps(seen, free)]
-    causes = [
-        *scene,
-        *load,
-        of_turning(seen),
-        *of_arm(trace, observed, seen, force * pull[:, 2], borne),
-    ]
-    # Forces of the support have no prior, so they are projected out.
-    support = np.column_stack([by_signal(one) for one in _of_support(seen, pressed, about)])
-    sensors, y = free_noise(seen, drags[0].hanging.noise), by_signal(seen.observed)
-    pressing = Cause("support", support, np.full(int(support.shape[1]), np.inf))
-    # Noise: the sensors' and the coloured residual of the arm model.
-    left = learn_residual([*causes, pressing], sensors, y, seen.spans)
-    noise = Projected.of(with_residual(sensors, left, seen.spans), support)
-    found = fit(causes, noise, y, [*scales(causes), *WHOLE_SCALES])
+    # Causes of the torques: scene, load, and arm. Forces of the support have no prior.
+    scene = [*_build_scene(seen, pressed, about), _build_steps(seen, free)]
+    torques = build_free_motion(trace, observed, seen, load, force * pull[:, 2], borne)
+    support = np.column_stack([by_signal(one) for one in _support_torques(seen, pressed, about)])
+    noise = drags[0].hanging.noise
+    found = fit_blocks([*scene, *torques], seen, noise, WHOLE_SCALES, support)
     # The posterior step of the coefficient, and the variation of friction that the fit leaves possible.
     (more,), ((variance,),) = found[FRICTION]
     steps, _ = found[STEP]
@@ -489,25 +476,27 @@ def _support_forces(drags: Sequence[Drag], free: int) -> _Pressed:
     return _Pressed(np.concatenate(way), np.concatenate([np.zeros((free, slid.shape[1])), slid]))
 
 
-def of_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
+def _build_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Cause]:
     """Yield the causes along a drag as joint torques: friction beyond `about`, and other forces.
 
     The bias of the arm and its bend are errors of the arm's model, which has causes of its own here.
     """
-    for one in support_causes(pressed.support, about):
+    for one in build_support(pressed.support, about):
         if one.name not in (BIAS, BEND):
             along = (column[:, None] * pressed.way for column in one.columns.T)
             torques = [by_signal(seen.torques(force)) for force in along]
             yield replace(one, columns=np.column_stack(torques))
 
 
-def of_steps(seen: Blocks, free: int) -> Cause:
+def _build_steps(seen: Blocks, free: int) -> Cause:
     """Change of each sensor's zero after the mean time of the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
-    return cause(STEP, [after * joint for joint in np.eye(seen.observed.shape[1])], ZERO_STEP_STD)
+    return build_cause(
+        STEP, [after * joint for joint in np.eye(seen.observed.shape[1])], ZERO_STEP_STD
+    )
 
 
-def _of_support(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array]:
+def _support_torques(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array]:
     """Yield joint torques (k, m), N m, of each unit support force; each force acts in one block of a drag only."""
     for block in np.flatnonzero(pressed.slides).tolist():
         maps, way = seen.maps[block], pressed.way[block]

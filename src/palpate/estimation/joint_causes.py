@@ -1,7 +1,21 @@
-"""Causes of joint torque in free air.
+"""Library of the causes of joint torque, and the fit of block means to them.
 
-They are the load, errors of the link model, tilt of gravity, sensor zeros, gains, joint friction
-and residual stiction.
+Each cause has a name, columns (torques of a unit of each unknown in the given rows) and prior deviations. Some prior
+scales are learned from the recording (`arm_scales`). `regression` solves for all unknowns together.
+
+    cause                          load, free motion   drags   drags alone   rests and passes   handles
+    weight, lever, inertia                 x              x                       x
+    links, tilt of gravity                 x              x                   tilt only
+    zeros, drift, 1/f noise                x              x          x            x               zeros
+    gains                                  x              x          x            x                 x
+    cross-talk                             x              x                       x
+    friction of the joints                 x              x          x            x                 x
+    residual stiction of rests             x              x                       x
+    coloured residual (ripple, cables)     x              x          x            x                 x
+
+The estimators are `load_whole` (load, free motion), `friction_fit` (drags), `load_fit` (rests and passes) and
+`fixture_fit` (handles). They select causes and give the rows. Recordings of an arm that moves all the time are fitted
+in the frequency domain, with the causes of `arm_fit`.
 """
 
 from __future__ import annotations
@@ -11,13 +25,13 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.estimation.coloured_residual import ColouredResidual, learn_residual
+from palpate.estimation.coloured_residual import ColouredResidual, learn_residual, with_residual
 from palpate.estimation.evidence import once
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, PRESLIDING, SLIP_ANGLES
 from palpate.estimation.load_blocks import Blocks, blocks, free_rows, rows_in_free_air
 from palpate.estimation.load_noise import SignalLevels, block_noise, flicker, load_rows
 from palpate.estimation.motion import acceleration, at_rest, runs
-from palpate.estimation.regression import Cause, PriorScale, SignalNoise
+from palpate.estimation.regression import Cause, Posterior, PriorScale, Projected, SignalNoise, fit
 from palpate.estimation.rigid_bodies import link_parameters, regressor
 from palpate.estimation.wrench_observation import (
     CROSSTALK,
@@ -90,21 +104,21 @@ def by_signal(torque: Array) -> Array:
     return torque.swapaxes(0, 1).reshape(-1, *torque.shape[2:])
 
 
-def cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
+def build_cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
     """Build a cause whose unknowns have one prior deviation; `columns` are their torques (k, m)."""
     return Cause(
         name, np.column_stack([by_signal(one) for one in columns]), np.full(len(columns), prior)
     )
 
 
-def gain_cause(columns: Array) -> Cause:
+def build_gain(columns: Array) -> Cause:
     """Build the gains of the sensors; `columns` (n, m) are their effects, one standard deviation each."""
     count = int(columns.shape[1])
     labels = tuple(f"gain of joint {i + 1}" for i in range(count))
     return Cause(GAIN, columns, np.ones(count), "arm", labels)
 
 
-def crosstalk_cause(columns: Array) -> Cause:
+def build_crosstalk(columns: Array) -> Cause:
     """Build the cross-talk of the sensors; `columns` (n, m) are its effects, one standard deviation each."""
     count = int(columns.shape[1])
     labels = tuple(f"cross-talk in joint {i + 1}" for i in range(count))
@@ -117,26 +131,61 @@ def crosstalk_columns(hand: NominalHand, torque: Array, signals: int) -> Array:
     return read.T.ravel()[:, None] * np.repeat(np.eye(signals), len(read), axis=0)
 
 
-def of_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
+def build_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     """Yield the weight of the load, and its lever in each grasp.
 
     Args:
         pull: (k, 3) upward force per newton of weight.
     """
-    yield cause(WEIGHT, [seen.torques(pull)], LOAD_PRIOR)
+    yield build_cause(WEIGHT, [seen.torques(pull)], LOAD_PRIOR)
     for i, grasp in enumerate(seen.grasps):
         # First moment along each axis of the hand.
         here = (seen.grasp == grasp)[:, None]
         levers = [here * lever for lever in seen.held[:, :, :3].transpose(2, 0, 1)]
-        yield cause(f"{LEVER} {i + 1}", levers, LOAD_PRIOR)
+        yield build_cause(f"{LEVER} {i + 1}", levers, LOAD_PRIOR)
 
 
-def of_turning(seen: Blocks) -> Cause:
+def build_load_inertia(seen: Blocks) -> Cause:
     """Build the inertia of the load about the TCP, in the axes of the hand."""
-    return cause("inertia of the load", [*seen.held[:, :, 3:].transpose(2, 0, 1)], LOAD_INERTIA)
+    return build_cause(
+        "inertia of the load", [*seen.held[:, :, 3:].transpose(2, 0, 1)], LOAD_INERTIA
+    )
 
 
-def of_arm(
+def build_free_motion(
+    trace: Trace,
+    observed: WrenchObservation,
+    seen: Blocks,
+    load: Sequence[Cause],
+    lifted: Array,
+    borne: Array,
+) -> list[Cause]:
+    """Build all causes of the torques of an arm with a `load` (see `build_load`); other arguments as `build_arm`."""
+    return [*load, build_load_inertia(seen), *build_arm(trace, observed, seen, lifted, borne)]
+
+
+def fit_blocks(
+    causes: Sequence[Cause],
+    seen: Blocks,
+    noise: SignalLevels,
+    learned: Sequence[PriorScale] = (),
+    free: Array | None = None,
+) -> Posterior:
+    """Fit causes to blocks, with the coloured residual that they leave.
+
+    Args:
+        learned: prior scales that are learned, beside those of the arm.
+        free: (m k, p) columns of further unknowns without a prior.
+    """
+    sensors, y, every = build_noise(seen, noise), by_signal(seen.observed), list(causes)
+    if free is not None:
+        every.append(Cause("free", free, np.full(int(free.shape[1]), np.inf)))
+    left = with_residual(sensors, learn_residual(every, sensors, y, seen.spans), seen.spans)
+    whole = left if free is None else Projected.of(left, free)
+    return fit(causes, whole, y, [*arm_scales(causes), *learned])
+
+
+def build_arm(
     trace: Trace, observed: WrenchObservation, seen: Blocks, lifted: Array, borne: Array
 ) -> Iterator[Cause]:
     """Yield the error causes of the arm itself.
@@ -147,10 +196,10 @@ def of_arm(
     """
     hand, signals = trace.hand, int(seen.observed.shape[1])
     # Errors of the link model, and tilt of gravity for links and load.
-    weight, links, lean = link_errors(seen, observed, trace.gravity)
+    weight, links, lean = build_link_errors(seen, observed, trace.gravity)
     yield from links
     pulled = seen.maps[:, :, :2] * lifted[:, None, None]
-    yield cause("lean", [*(lean + pulled.transpose(2, 0, 1))], TILT)
+    yield build_cause("lean", [*(lean + pulled.transpose(2, 0, 1))], TILT)
     # Zero, friction and inertia of each joint act on its own signal only.
     usual = SLIP_ANGLES.index(PRESLIDING)
     slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
@@ -164,22 +213,22 @@ def of_arm(
     )
     for name, own, prior in of_joints:
         columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
-        yield cause(name, columns, prior)
+        yield build_cause(name, columns, prior)
     # Residual stiction as a force at the TCP, only for rests within these blocks: the time grows
     # with the cube of the unknowns.
     here = [rest[:, None, None] * seen.maps[:, :, :3] for rest in seen.resting.T if rest.any()]
     rests = [rest[:, :, axis] for rest in here for axis in range(3)]
     if rests:
-        yield cause(REST, rests, hand.force_repeatability + FLOOR)
+        yield build_cause(REST, rests, hand.force_repeatability + FLOOR)
     # Gains scale the torques of links and load; the zero absorbs their constant part.
     shown = by_signal(weight - weight[0]) + borne
     gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
-    yield gain_cause(gains)
+    yield build_gain(gains)
     # Cross-talk of the load alone: that of the links' weight acts as an error in their masses.
-    yield crosstalk_cause(crosstalk_columns(hand, borne, signals))
+    yield build_crosstalk(crosstalk_columns(hand, borne, signals))
 
 
-def scales(causes: Sequence[Cause]) -> list[PriorScale]:
+def arm_scales(causes: Sequence[Cause]) -> list[PriorScale]:
     """List the prior scales of the arm's causes that are learned from the recording."""
     found = [
         PriorScale((GAIN,), *GAINS_OFF),
@@ -193,7 +242,7 @@ def scales(causes: Sequence[Cause]) -> list[PriorScale]:
 
 
 @once
-def link_errors(
+def build_link_errors(
     seen: Blocks, observed: WrenchObservation, gravity: float
 ) -> tuple[Array, list[Cause], Array]:
     """Compute the gravity torques of the arm's links and the effects of errors in their model.
@@ -229,7 +278,7 @@ def link_errors(
 
 
 @once
-def of_empty_hand(trace: Trace, name: str) -> ColouredResidual | None:
+def learn_arm_residual(trace: Trace, name: str) -> ColouredResidual | None:
     """Learn the residual of the arm's model with an empty hand, around the time in which it holds
     `name`.
 
@@ -244,13 +293,13 @@ def of_empty_hand(trace: Trace, name: str) -> ColouredResidual | None:
     # Sensor noise from rests in free air, then the residual of all causes of the arm.
     windows = list(runs(at_rest(samples) & load.empty & rows_in_free_air(trace)))
     rising = acceleration(samples, FOLLOWED)[:, 2]
-    noise = free_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
+    noise = build_noise(seen, block_noise(observed.signals, samples.t, rising, windows))
     y = by_signal(seen.observed)
-    causes = list(of_arm(trace, observed, seen, np.zeros(len(seen.t)), np.zeros(len(y))))
+    causes = list(build_arm(trace, observed, seen, np.zeros(len(seen.t)), np.zeros(len(y))))
     return learn_residual(causes, noise, y, seen.spans)
 
 
-def free_noise(seen: Blocks, noise: SignalLevels) -> SignalNoise:
+def build_noise(seen: Blocks, noise: SignalLevels) -> SignalNoise:
     """Build the noise of block means: white and 1/f noise, drift, and errors of the links' inertia."""
     # Drift (Ornstein-Uhlenbeck process) and 1/f noise by the time between blocks.
     between = np.abs(seen.t[:, None] - seen.t)

@@ -14,9 +14,9 @@ from palpate.estimation.joint_causes import (
     LEFT_SHARES,
     LOAD_PRIOR,
     TILT,
-    crosstalk_cause,
+    build_crosstalk,
+    build_gain,
     crosstalk_columns,
-    gain_cause,
 )
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
 from palpate.estimation.load_equations import (
@@ -353,7 +353,7 @@ def load_model(
     for name, blocks, prior in parts:
         columns = np.concatenate(blocks)
         causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
-    causes += [gain_cause(borne), crosstalk_cause(crossed)]
+    causes += [build_gain(borne), build_crosstalk(crossed)]
     shares = LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     # Learned scales of stiction: the share of the datasheet's figure that this arm shows, and the

@@ -23,19 +23,18 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.estimation.coloured_residual import learn_residual, with_residual
 from palpate.estimation.estimate import Shared, map_shared
 from palpate.estimation.joint_causes import (
+    arm_scales,
+    build_free_motion,
+    build_load,
+    build_noise,
     by_signal,
-    free_noise,
-    of_arm,
-    of_load,
-    of_turning,
-    scales,
+    fit_blocks,
 )
 from palpate.estimation.load_blocks import Blocks, blocks, free_rows
 from palpate.estimation.load_noise import SignalLevels
-from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
+from palpate.estimation.regression import Cause, Posterior, fit
 from palpate.estimation.sensed_load import SensedGrasps, fit_sensed_grasps
 from palpate.estimation.wrench_observation import WrenchObservation, observe
 from palpate.trace.samples import Trace
@@ -137,32 +136,21 @@ def _fit_whole(
     trace: Trace, observed: WrenchObservation, seen: Blocks, noise: SignalLevels, about_force: float
 ) -> WholeLoad:
     """Fit the load to block means: iterate the linearisation, then learn the residual of the model."""
-    load = list(of_load(seen, seen.pull))
-    count = sum(len(cause.prior) for cause in load)
-    about = np.zeros(count)
+    load = list(build_load(seen, seen.pull))
+    columns = np.concatenate([cause.columns for cause in load], axis=1)
+    about = np.zeros(columns.shape[1])
     about[0] = about_force
+
+    def causes() -> list[Cause]:
+        """Build all causes, with the effects of gains and tilt at the load `about` (1 + 3n,)."""
+        lifted = about[0] * seen.pull[:, 2]
+        return build_free_motion(trace, observed, seen, load, lifted, columns @ about)
+
     # Gains act in proportion to the moments, which are unknown at first: solve twice.
-    sensors = free_noise(seen, noise)
-    about = _posterior(trace, observed, seen, sensors, load, about).mean[:count]
-    found = _posterior(trace, observed, seen, sensors, load, about)
-    # Learn the coloured residual, and solve again with it.
-    left = learn_residual(found.causes, sensors, by_signal(seen.observed), seen.spans)
-    found = _posterior(trace, observed, seen, with_residual(sensors, left, seen.spans), load, about)
+    first = causes()
+    sensors, count = build_noise(seen, noise), len(about)
+    about = fit(first, sensors, by_signal(seen.observed), arm_scales(first)).mean[:count]
+    found = fit_blocks(causes(), seen, noise)
     misfit = float(np.mean(found.residual**2))
     value, square = found.mean[:count], found.covariance[:count, :count]
     return WholeLoad(seen.grasps, value, square, found.shared(slice(count)), misfit, seen, found)
-
-
-def _posterior(
-    trace: Trace,
-    observed: WrenchObservation,
-    seen: Blocks,
-    noise: SignalNoise,
-    load: Sequence[Cause],
-    about: Array,
-) -> Posterior:
-    """Solve for all causes, with the effects of gains and tilt at the load `about` (1 + 3n,)."""
-    borne = np.concatenate([cause.columns for cause in load], axis=1) @ about
-    lifted = about[0] * seen.pull[:, 2]
-    causes = [*load, of_turning(seen), *of_arm(trace, observed, seen, lifted, borne)]
-    return fit(causes, noise, by_signal(seen.observed), scales(causes))

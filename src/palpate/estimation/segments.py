@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 from palpate.common.pose import Array, Pose
 from palpate.estimation.coloured_residual import ColouredResidual, Spans
 from palpate.estimation.evidence import once
-from palpate.estimation.joint_causes import of_empty_hand
+from palpate.estimation.joint_causes import learn_arm_residual
 from palpate.estimation.joint_friction import slip_states
 from palpate.estimation.load_blocks import CLEARANCE, joint_travel, rows_in_free_air
 from palpate.estimation.load_noise import (
@@ -280,7 +280,7 @@ def weighing(trace: Trace, recording: Recording, learned: bool = True) -> Weighi
     if not any(segment.loaded for segment in found):
         # The object was recorded in motion only: keep all rests.
         found = [signals.segment(cut, [cut.rows]) for cut in rests]
-    left = of_empty_hand(trace, recording.context.holding or "") if learned else None
+    left = learn_arm_residual(trace, recording.context.holding or "") if learned else None
     return Weighing(found, signals.noise, signals.observed.scale, left)
 
 
@@ -288,7 +288,7 @@ def weigh_cuts(trace: Trace, name: str, cuts: Sequence[SegmentCut]) -> Weighing:
     """Weigh the load `name` from given cuts at one place; cuts are compared within each kind."""
     signals = _Signals.of(trace, load_rows(trace, name), None, cuts)
     found = [signals.segment(cut, [cut.rows]) for cut in cuts]
-    return Weighing(found, signals.noise, signals.observed.scale, of_empty_hand(trace, name))
+    return Weighing(found, signals.noise, signals.observed.scale, learn_arm_residual(trace, name))
 
 
 def weighings(trace: Trace, recording: Recording, learned: bool = True) -> Sequence[Weighing]:

@@ -19,7 +19,7 @@ from palpate.estimation.estimate import (
     map_shared,
     unit_slopes,
 )
-from palpate.estimation.joint_causes import LOAD_PRIOR, by_signal, of_load
+from palpate.estimation.joint_causes import LOAD_PRIOR, build_load, by_signal
 from palpate.estimation.load_blocks import CLEARANCE, Blocks
 from palpate.estimation.load_equations import (
     FORCE_BIAS,
@@ -191,7 +191,7 @@ def whole_view(whole: WholeLoad, gravity: float) -> FitView:
     """Chart the mass by stretches of free motion of the fit `whole`."""
     seen = whole.seen
     # Signals per newton of the fitted load.
-    load = np.hstack([cause.columns for cause in of_load(seen, seen.pull)])
+    load = np.hstack([cause.columns for cause in build_load(seen, seen.pull)])
     borne = load @ whole.value / whole.force
     parts = list(_stretches(seen))
     # One column for each stretch: the load in its blocks only.
