@@ -12,8 +12,8 @@ from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
 from palpate.estimation.carried import fit_carried_load
 from palpate.estimation.estimate import half95
+from palpate.estimation.load_fit import fit_whole
 from palpate.estimation.load_noise import SignalLevels
-from palpate.estimation.load_whole import fit_whole
 from palpate.estimation.logs.trace import Carrying, trace_of
 from palpate.robots.owner import load_description
 from palpate.trace.recording import ArmLog

@@ -10,8 +10,7 @@ import pytest
 from palpate.common.parameter import Parameter
 from palpate.estimation.holds import find_holds
 from palpate.estimation.load_blocks import free_rows
-from palpate.estimation.load_fit import fit_load
-from palpate.estimation.load_whole import fit_whole
+from palpate.estimation.load_fit import fit_load, fit_whole
 from palpate.estimation.weighing import weigh
 from palpate.execution.simulated_cell import simulated_cell
 from palpate.runs import pipeline

@@ -13,9 +13,9 @@ scales are learned from the recording (`arm_scales`). `regression` solves for al
     residual stiction of rests             x              x                       x
     coloured residual (ripple, cables)     x              x          x            x                 x
 
-The estimators are `load_whole` (load, free motion), `friction_fit` (drags), `load_fit` (rests and passes) and
-`fixture_fit` (handles). They select causes and give the rows. Recordings of an arm that moves all the time are fitted
-in the frequency domain, with the causes of `arm_fit`.
+The estimators are `load_fit` (all free motion around a load; rests and passes), `friction_fit` (drags with the free
+motion around them; drags alone) and `fixture_fit` (handles). They select causes and give the rows. Recordings of an arm
+that moves all the time are fitted in the frequency domain, with the causes of `arm_fit`.
 """
 
 from __future__ import annotations

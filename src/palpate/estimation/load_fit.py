@@ -1,4 +1,11 @@
-"""Generalised least squares for the load on the hand, and tests of misspecification."""
+"""Load on the hand, by generalised least squares.
+
+`fit_load` compares rests and passes with and without the load along one path (`load_equations`), and tests for other
+forces. `fit_whole` fits all free motion around a weighing. Away from the path of a lift there is no empty pass at the
+same place for a contrast. The torques there have few causes, each linear in its unknowns (`joint_causes`), and the
+result is more precise. What the model leaves, such as ripple or friction that changes with the place, is learned from
+the recording and widens the result (`coloured_residual`).
+"""
 
 from __future__ import annotations
 
@@ -8,29 +15,36 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.estimation.estimate import FitTest, Shared, chi_squared
+from palpate.estimation.estimate import FitTest, Shared, chi_squared, map_shared
 from palpate.estimation.joint_causes import (
     GAINS_OFF,
     LEFT_SHARES,
     LOAD_PRIOR,
     TILT,
+    arm_scales,
     build_crosstalk,
+    build_free_motion,
     build_gain,
+    build_load,
+    build_noise,
+    by_signal,
     crosstalk_columns,
+    fit_blocks,
 )
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, SLIP_ANGLES
+from palpate.estimation.load_blocks import Blocks, blocks, free_rows
 from palpate.estimation.load_equations import (
     FORCE_Z,
     LEANING,
     SIDEWAYS,
     TORQUE_X,
     TORQUE_Y,
-    TORQUE_Z,
     WeighingRows,
     each_its_own,
     equations,
     in_each,
 )
+from palpate.estimation.load_noise import SignalLevels
 from palpate.estimation.regression import (
     Cause,
     Posterior,
@@ -40,8 +54,16 @@ from palpate.estimation.regression import (
     whitened_model,
 )
 from palpate.estimation.segments import Weighing
-from palpate.estimation.wrench_observation import GAIN, TORQUE_LEVER, gain_root
+from palpate.estimation.sensed_load import SensedGrasps, fit_sensed_grasps
+from palpate.estimation.wrench_observation import (
+    GAIN,
+    TORQUE_LEVER,
+    WrenchObservation,
+    gain_root,
+    observe,
+)
 from palpate.trace.recording import NominalHand
+from palpate.trace.samples import Trace
 
 PULL_SMALL = 0.05
 """N/m (1 sigma): tolerated growth of a force with the height. Not sensitive."""
@@ -208,9 +230,8 @@ class LoadEstimate:
     value: Array
     covariance: Array  # (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share
     tests: tuple[FitTest, ...]  # for other forces on the load
-    shared: tuple[
-        Shared, ...
-    ]  # errors of the arm in common with other runs, with effects on `value`
+    # Errors of the arm in common with other runs, with their effects on `value`.
+    shared: tuple[Shared, ...]
     weighings: Sequence[Weighing]  # the segments that were fitted
     rows: Sequence[WeighingRows]  # their equations
     posterior: Posterior  # of all unknowns
@@ -325,8 +346,8 @@ def load_model(
         np.column_stack([row.wrench[:, FORCE_Z], in_each(row, grasps, (TORQUE_X, TORQUE_Y))])
         for row in rows
     ]
-    # Tilt of gravity, in proportion to the weight.
-    tilted = [tilted_weight(row, grasps, about) for row in rows]
+    # Tilt of gravity: a horizontal part of the weight.
+    tilted = [row.wrench[:, LEANING] for row in rows]
     tilt = TILT * abs(float(about[0])) + FLOOR
     # Gains and cross-talk act on the torques of the load.
     torques = [columns @ about for columns in vertical]
@@ -350,8 +371,8 @@ def load_model(
     ]
     # Stack the weighings of each cause.
     causes: list[Cause] = []
-    for name, blocks, prior in parts:
-        columns = np.concatenate(blocks)
+    for name, each, prior in parts:
+        columns = np.concatenate(each)
         causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
     causes += [build_gain(borne), build_crosstalk(crossed)]
     shares = LEFT_SHARES
@@ -385,14 +406,119 @@ def stiction_scales(rows: Sequence[WeighingRows]) -> Sequence[Array]:
     return found
 
 
-def tilted_weight(row: WeighingRows, grasps: Sequence[float], about: Array) -> Array:
-    """Compute the signals (n, 2) per newton of horizontal weight along world x and y, as a tilt of
-    gravity causes."""
-    leaning = row.wrench[:, LEANING].copy()
-    # The weight acts at r = (-M_y, M_x) / F from the TCP: its horizontal part has a moment about
-    # the vertical.
-    moments = about[1:].reshape(-1, 2) / max(abs(float(about[0])), FLOOR)
-    for grasp, moment in zip(grasps, moments, strict=True):
-        turning = row.wrench[:, TORQUE_Z] * (row.grasp == grasp)
-        leaning -= turning[:, None] * moment
-    return leaning
+# Load from all free motion around a weighing
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class WholeLoad:
+    """Load from all free motion around n grasps (`fit_whole`)."""
+
+    grasps: tuple[float, ...]  # s, times at which the hand had closed on it
+    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the
+    # hand, N m.
+    value: Array
+    covariance: Array  # (1 + 3n, 1 + 3n) of `value`
+    # Errors of the arm in common with other runs, with their effects on `value`.
+    shared: tuple[Shared, ...]
+    misfit: float  # mean square of the residuals, in units of the noise
+    seen: Blocks  # block means that were fitted
+    posterior: Posterior  # of the fit
+
+    @property
+    def force(self) -> float:
+        """N, weight of the load."""
+        return float(self.value[0])
+
+    @property
+    def std(self) -> float:
+        """N, standard deviation of the weight."""
+        return float(np.sqrt(self.covariance[0, 0]))
+
+    def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
+        """Build the matrix (1 + 2n, 1 + 3n) from `value` to force and moments as in
+        `LoadEstimate.value`.
+
+        None where the load did not hang free in one of the grasps.
+
+        Args:
+            grasps: s, n of them.
+            tools: (3, 3) each, axes of the hand in the world at each grasp.
+        """
+        if not set(grasps) <= set(self.grasps):
+            return None
+        turned = np.zeros((1 + 2 * len(grasps), len(self.value)))
+        turned[0, 0] = 1.0
+        # Moments of a weight about world x and y: lever y times F, and minus lever x times F.
+        for i, (grasp, tool) in enumerate(zip(grasps, tools, strict=True)):
+            first = 1 + 3 * self.grasps.index(grasp)
+            turned[1 + 2 * i, first : first + 3] = tool[1]
+            turned[2 + 2 * i, first : first + 3] = -tool[0]
+        return turned
+
+
+def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) -> WholeLoad | None:
+    """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N.
+
+    Two sets of rows are tried: all free motion, and only motion that certainly is free. Certainly
+    free motion is high enough that the far end of a tilted object has left its support. It is close
+    to where the load hung, and settled at rests or well away from them. The residual of the model
+    widens each result, and the narrower counts.
+
+    None where the arm's links are unknown, or the load never hung free.
+    """
+    observed = observe(trace)
+    if observed.chain is None or not observed.knows_links:
+        return None
+    # Fit all free motion, and the certainly free motion alone.
+    found: list[WholeLoad] = []
+    for surely in (False, True):
+        if free := free_rows(trace, name, surely):
+            seen = blocks(trace, observed, name, free, surely)
+            found.append(_fit_whole(trace, observed, seen, noise, about_force))
+    best = min(found, key=lambda whole: whole.std, default=None)
+    sensed = None if best is None else fit_sensed_grasps(trace, name)
+    return best if best is None or sensed is None else _with_sensor(best, sensed)
+
+
+def _with_sensor(whole: WholeLoad, sensed: SensedGrasps) -> WholeLoad:
+    """Combine the load by the joint torques with that by a six-axis sensor.
+
+    Both sets of rows have only the load in common. Their joint posterior is the product of both normal densities.
+    """
+    if len(whole.value) != len(sensed.value):
+        return whole
+    # Weight of the sensor's result, in the form of a Kalman gain.
+    both = whole.covariance + sensed.covariance
+    gain = np.linalg.solve(both, whole.covariance).T
+    rest = np.eye(len(gain)) - gain
+    own = Shared("gain of the wrench sensor", "arm", tuple((gain @ sensed.gain).tolist()))
+    return replace(
+        whole,
+        value=whole.value + gain @ (sensed.value - whole.value),
+        covariance=rest @ whole.covariance,
+        shared=(*map_shared(whole.shared, rest), own),
+    )
+
+
+def _fit_whole(
+    trace: Trace, observed: WrenchObservation, seen: Blocks, noise: SignalLevels, about_force: float
+) -> WholeLoad:
+    """Fit the load to block means: iterate the linearisation, then learn the residual of the model."""
+    load = list(build_load(seen, seen.pull))
+    columns = np.concatenate([cause.columns for cause in load], axis=1)
+    about = np.zeros(columns.shape[1])
+    about[0] = about_force
+
+    def causes() -> list[Cause]:
+        """Build all causes, with the effects of gains and tilt at the load `about` (1 + 3n,)."""
+        lifted = about[0] * seen.pull[:, 2]
+        return build_free_motion(trace, observed, seen, load, lifted, columns @ about)
+
+    # Gains act in proportion to the moments, which are unknown at first: solve twice.
+    first = causes()
+    sensors, count = build_noise(seen, noise), len(about)
+    about = fit(first, sensors, by_signal(seen.observed), arm_scales(first)).mean[:count]
+    found = fit_blocks(causes(), seen, noise)
+    misfit = float(np.mean(found.residual**2))
+    value, square = found.mean[:count], found.covariance[:count, :count]
+    return WholeLoad(seen.grasps, value, square, found.shared(slice(count)), misfit, seen, found)

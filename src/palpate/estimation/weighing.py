@@ -29,9 +29,8 @@ from palpate.estimation.load_equations import (
     each_its_own,
     in_each,
 )
-from palpate.estimation.load_fit import LoadEstimate, fit_load, foreseen
+from palpate.estimation.load_fit import LoadEstimate, WholeLoad, fit_load, fit_whole, foreseen
 from palpate.estimation.load_noise import SignalLevels, load_rows
-from palpate.estimation.load_whole import WholeLoad, fit_whole
 from palpate.estimation.motion import Mask
 from palpate.estimation.segments import (
     BINS,
