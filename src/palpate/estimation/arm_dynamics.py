@@ -109,12 +109,10 @@ class DynamicsFit:
     held_out: float
     coulomb: JointFigure  # N m, Coulomb friction
     viscous: JointFigure  # N m s/rad
-    # kg m², inertia of a joint without its links: that of a motor, if torque is measured before the
-    # gears.
+    # kg m², inertia of a joint without its links: that of a motor, if torque is measured before the gears.
     armature: JointFigure
     offset: JointFigure  # N m, zero error of a sensor
-    # links, links_std: (7, 10) corrections of mass, first moment and inertia about the described
-    # centre
+    # links, links_std: (7, 10) corrections of mass, first moment and inertia about the described centre
     links: Array
     links_std: Array
     parameters: Array  # (7, 10) of the corrected links, about their joints' anchors
@@ -123,8 +121,7 @@ class DynamicsFit:
     # (offset and friction identified), `all`, and `controller` (its own tau_ext) where logged.
     rms: Mapping[str, Array]
     notes: tuple[str, ...]  # repairs and defects of the recording
-    # Physically impossible figures, one sentence each with the likely cause. If there are any,
-    # nothing is written.
+    # Physically impossible figures, one sentence each with the likely cause. If there are any, nothing is written.
     contradictions: tuple[str, ...] = ()
 
     def record(self) -> dict[str, object]:

@@ -59,10 +59,9 @@ class Grasps:
 def grasps_of(trace: Trace, held: ObjectHolds, body: Body, about: Array) -> Grasps:
     """Set up the equations for the centre of mass c in the body frame, near `about` (3,).
 
-    The moment about the TCP is M = r x (0, 0, F). Seen from above, the load is at r = (-M_y, M_x) / F from the
-    TCP. That point is p + R c in the world, with the position p and the rotation R of the object in the
-    hand. It gives two rows of R c = TCP + r - p. A tilt of the hand rotates R, so that the component along gravity
-    becomes observable.
+    The moment about the TCP is M = r x (0, 0, F). Seen from above, the load is at r = (-M_y, M_x) / F from the TCP.
+    That point is p + R c in the world, with the position p and the rotation R of the object in the hand. It gives two
+    rows of R c = TCP + r - p. A tilt of the hand rotates R, so that the component along gravity becomes observable.
     """
     load = held.load
     recordings: list[Recording] = []

@@ -1,10 +1,9 @@
 """Static friction: force at which a held object begins to slide.
 
-As the hand starts to move, the tangential force rises with the strain of the grip up to the limit of static
-friction. It stays there while the object creeps, and then falls to the known sliding level. Only the rows in
-between show the limit. Their beginning and end are unknown, so the coefficient is averaged over all
-segmentations by their likelihood (a change point model: Bishop, Pattern Recognition and Machine Learning,
-section 14.1).
+As the hand starts to move, the tangential force rises with the strain of the grip up to the limit of static friction.
+It stays there while the object creeps, and then falls to the known sliding level. Only the rows in between show the
+limit. Their beginning and end are unknown, so the coefficient is averaged over all segmentations by their likelihood (a
+change point model: Bishop, Pattern Recognition and Machine Learning, section 14.1).
 """
 
 from __future__ import annotations

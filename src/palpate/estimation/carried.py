@@ -79,11 +79,9 @@ nothing is known. Not sensitive."""
 HAND_PRIOR = (3.0, 0.5, 0.05)
 """kg, kg m and kg m² (1 sigma): the same prior for an unknown end effector. Not sensitive."""
 RESTARTED = 5.0
-"""s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not
-sensitive."""
+"""s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not sensitive."""
 LIKELY_RESTART = (0.7, 0.3)
-"""prior probabilities that such a gap is not, and is, a restart. Chosen, without a source. Not
-sensitive at 0.9."""
+"""prior probabilities that such a gap is not, and is, a restart. Chosen, without a source. Not sensitive at 0.9."""
 
 DRIFT_FACTORS = (1.0, 3.0, 10.0)
 """Factors on the drift of the sensors' zeros, `DRIFT`. Repetitions of a motion show it. Sensitive: mass 0.1 σ, std
@@ -103,8 +101,7 @@ class CarriedLoad:
     covariance: Array  # (10, 10) of `value`
     motions: Sequence[JointMotion]  # s stretches of the recording, each loaded or empty throughout
     hanging: Mask  # (s,) stretches in which the load was carried
-    # s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch, carried or
-    # not.
+    # s arrays (n, 7, 10), joint torques of a unit of each parameter in each stretch, carried or not.
     torques: Sequence[Array]
     equal: EqualMotions  # groups of stretches with the same motion
     posterior: Posterior  # of the fit
@@ -388,8 +385,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     slopes = _slopes(central, found.value)
     stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     pseudo = pseudo_inertia(theta)
-    # The nearest body may be a sheet or a rod without thickness. MuJoCo would read that as no
-    # inertia.
+    # The nearest body may be a sheet or a rod without thickness. MuJoCo would read that as no inertia.
     pseudo[:3, :3] += pseudo[3, 3] * THINNEST**2 * np.eye(3)
     value = central(linear(pseudo))
     # A component is observed if its error is small against the reference size. The reference is the
@@ -476,8 +472,7 @@ def _axes(trace: Trace) -> str:
 
 
 def _is_felt(trace: Trace, found: CarriedLoad | SensedLoad) -> bool:
-    """Return true if the mass differs from zero and its tests pass, so that quotients by it are
-    defined."""
+    """Return true if the mass differs from zero and its tests pass, so that quotients by it are defined."""
     if isinstance(found, SensedLoad) and observable(found):
         return False
     mass, std = float(found.value[0]), float(np.sqrt(found.covariance[0, 0]))

@@ -1,19 +1,17 @@
 """Coloured residual of a model beyond the noise of the sensors, learned from the recording itself.
 
-Models of an arm leave more than sensor noise: gear ripple, friction that changes with the place,
-links that bend. These errors are not white. Neighbouring rows have similar errors, and a mean over
-them is less precise than their number suggests. In each signal
+Models of an arm leave more than sensor noise: gear ripple, friction that changes with the place, links that bend. These
+errors are not white. Neighbouring rows have similar errors, and a mean over them is less precise than their number
+suggests. In each signal
 
     residual ~ sensor noise + Σ_i v_i exp(-d_i / l_i)
 
-It is a sum of Ornstein-Uhlenbeck processes over time, over the path of the joint (constant at
-rest), and over its angle. Their lengths l_i are from a block to a run. What depends on the angle
-alone is the same whenever the joint is there: it cancels between passes with and without a load.
-The variances v_i maximise the likelihood of the rows with all causes integrated out, signal by
-signal (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971). They are found
-by fixed-point iteration of the score equations (Harville, J. Am. Stat. Assoc. 72, 1977). They are
-weighted by the likelihood ratio with and without them, so that a recording of a perfect arm keeps
-its precision.
+It is a sum of Ornstein-Uhlenbeck processes over time, over the path of the joint (constant at rest), and over its
+angle. Their lengths l_i are from a block to a run. What depends on the angle alone is the same whenever the joint is
+there: it cancels between passes with and without a load. The variances v_i maximise the likelihood of the rows with all
+causes integrated out, signal by signal (restricted maximum likelihood: Patterson and Thompson, Biometrika 58, 1971).
+They are found by fixed-point iteration of the score equations (Harville, J. Am. Stat. Assoc. 72, 1977). They are
+weighted by the likelihood ratio with and without them, so that a recording of a perfect arm keeps its precision.
 """
 
 from __future__ import annotations
@@ -30,8 +28,7 @@ from palpate.estimation.regression import Cause, SignalNoise
 COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
 """s: correlation times of the residual, from one block to a run. Hardly sensitive."""
 COLOUR_PATHS = (0.003, 0.01, 0.1)
-"""rad: correlation lengths of the residual over the path of the joint, from gear ripple to a lift.
-Not sensitive."""
+"""rad: correlation lengths of the residual over the path of the joint, from gear ripple to a lift. Not sensitive."""
 COLOUR_PLACES = (0.01, 0.1)
 """rad: correlation lengths of the residual over the angle of the joint: gear ripple, uneven friction.
 Sensitive: mass std ×0.75–0.85 at `measured`."""
@@ -45,8 +42,7 @@ Sensitive: mass std ×1.0–1.1 at `lab`."""
 COLOUR_FREEDOM = 4.0
 """least degrees of freedom of the residual's variance. Not sensitive."""
 DIFFUSE = 30.0
-"""N, N m (1 sigma): largest prior of an unknown while the size of the residual is learned. Not
-sensitive."""
+"""N, N m (1 sigma): largest prior of an unknown while the size of the residual is learned. Not sensitive."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -91,8 +87,7 @@ class Spans:
         )
 
     def kernels(self, joint: int) -> Array:
-        """Compute the covariances (c, k, k) of the processes in a joint, at unit variance of a
-        single moment."""
+        """Compute the covariances (c, k, k) of the processes in a joint, at unit variance of a single moment."""
         # Processes over time, then over the path of the joint, then over its angle.
         apart = np.abs(self.t[:, None] - self.t)
         found = [_kernel(apart, self.lasts, time) for time in COLOUR_TIMES]
@@ -105,15 +100,13 @@ class Spans:
 
 
 def _kernel(apart: Array, within: Array, length: float) -> Array:
-    """Evaluate exp(-d / l) between rows `apart` (k, k), reduced by the averaging `within` (k,)
-    each."""
+    """Evaluate exp(-d / l) between rows `apart` (k, k), reduced by the averaging `within` (k,) each."""
     left = np.sqrt(_variance_of_means(within, length))
     return np.exp(-apart / length) * np.outer(left, left)
 
 
 def _variance_of_means(within: Array, length: float) -> Array:
-    """Approximate the variance of means over stretches of length `within`, at unit variance of a
-    single moment."""
+    """Approximate the variance of means over stretches of length `within`, at unit variance of a single moment."""
     return 1.0 / (1.0 + within / (2.0 * length))
 
 
@@ -144,8 +137,7 @@ class ColouredResidual:
         return float(np.mean(1.0 / (share**2 / self.freedom + (1.0 - share) ** 2 / freedom)))
 
     def _variance(self, spans: Spans, joint: int) -> Array:
-        """Compute the variance (k,), N² m², of a joint's means over `spans`: the diagonal of their
-        covariance."""
+        """Compute the variance (k,), N² m², of a joint's means over `spans`: the diagonal of their covariance."""
         times = [_variance_of_means(spans.lasts, time) for time in COLOUR_TIMES]
         lengths = COLOUR_PATHS if spans.angle is None else (*COLOUR_PATHS, *COLOUR_PLACES)
         paths = [_variance_of_means(spans.turns[:, joint], far) for far in lengths]
@@ -160,8 +152,7 @@ class ColouredResidual:
 def learn_residual(
     causes: Sequence[Cause], noise: SignalNoise, y: Array, spans: Spans
 ) -> ColouredResidual:
-    """Learn the coloured residual of each signal beyond `causes` and `noise` in its rows of `y` (m
-    k,)."""
+    """Learn the coloured residual of each signal beyond `causes` and `noise` in its rows of `y` (m k,)."""
     design = np.concatenate([cause.columns for cause in causes], axis=1)
     # Integrate the causes out with a diffuse prior, bounded to keep numerical precision.
     prior = np.minimum(np.concatenate([cause.prior for cause in causes]), DIFFUSE)

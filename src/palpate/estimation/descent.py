@@ -26,8 +26,7 @@ from palpate.trace.samples import POSE, Samples, Trace
 def ripple_force(trace: Trace, rows: slice, free: Mask) -> Array:
     """Estimate the pressing force caused by gear ripple during a descent.
 
-    The ripple of each joint is fitted to the torques in free air (`joint_ripple`) and mapped to the
-    tip.
+    The ripple of each joint is fitted to the torques in free air (`joint_ripple`) and mapped to the tip.
 
     Args:
         rows: of the trace, n of them.
@@ -94,25 +93,21 @@ SUSTAINED = 9
 """rows (45 ms): window of the running median of the force. Up to four outliers in a row do not
 count as contact. Hardly sensitive."""
 CONTACT_NOISE = 4.0
-"""standard deviations of the noise that a force must exceed to count as contact. Hardly sensitive.
-"""
+"""standard deviations of the noise that a force must exceed to count as contact. Hardly sensitive."""
 WRONG_BY = 12.0
 """standard deviations of the wander in free air. A rise of the force by more than this shows a soft
 layer, even below the datasheet's force accuracy. Joint friction alone reaches up to 9 of them in
 free air. Sensitive for mats of some 100 N/m that carry 1 N; not sensitive for twice that load."""
 STEEP = 50.0
-"""N/m: `WRONG_BY` applies only to rises steeper than this. Free air alone changed by 9 to 40 N/m
-over 5 to 60 mm above a table (some 250 recorded descents of arms with joint friction). Sensitive
-for mats below 60 N/m."""
+"""N/m: `WRONG_BY` applies only to rises steeper than this. Free air alone changed by 9 to 40 N/m over 5 to 60 mm above
+a table (some 250 recorded descents of arms with joint friction). Sensitive for mats below 60 N/m."""
 SOFT_FORCE = 0.15
-"""N: smallest force that counts; the force repeatability that the datasheet states. Hardly
-sensitive."""
+"""N: smallest force that counts; the force repeatability that the datasheet states. Hardly sensitive."""
 SPEED_CHANGE = 1e-3
 """m/s: change of the commanded speed within `SUSTAINED` rows that counts as a change. A steady
 descent shows none, despite time stamp jitter and missing samples. Not sensitive."""
 SWING = 0.3
-"""s: time after a change of the commanded speed during which the arm oscillates on its springs. Not
-sensitive."""
+"""s: time after a change of the commanded speed during which the arm oscillates on its springs. Not sensitive."""
 SWINGING = 0.1
 """weight of a row during that oscillation. Hardly sensitive."""
 FREE_SLOPE = 5.0
@@ -121,8 +116,7 @@ errors that depend on the posture. Hardly sensitive."""
 CANDIDATES = 50
 """number of trial heights of the first contact before the best one is refined. Not sensitive."""
 FREE_ROWS = 60
-"""rows (0.3 s) of free air before the contact. They are the reference for the contact moment. Not
-sensitive."""
+"""rows (0.3 s) of free air before the contact. They are the reference for the contact moment. Not sensitive."""
 LATE_FORCE = 0.6
 """fraction of the pressing force at which the last stretch of the loading curve begins. It is
 reached before the stop command, whose oscillation would disturb the curve. Hardly sensitive."""
@@ -131,8 +125,7 @@ AT_REST_SHARE = 0.75
 friction relaxes as the arm stops and may hide the rest. Sensitive: of 100 tables at `measured`, four
 were taken for a soft layer 60 to 150 mm too high without it, and one at 0.5."""
 STIFF_SHARE = 0.1
-"""fraction of the travel through a soft layer that belongs to the stiff stretch below it. Hardly
-sensitive."""
+"""fraction of the travel through a soft layer that belongs to the stiff stretch below it. Hardly sensitive."""
 UNSEEN = 2e-5
 """m (1 sigma): penetration of a rigid surface that no loading curve shows. Not sensitive."""
 SOFT = 0.0015
@@ -145,8 +138,7 @@ STIFFER = 0.2
 been pressed through. A linear spring has 1, a spring that hardens with the square of the depth
 0.44, a table 0. Not sensitive."""
 BLOCK_ROWS = 20
-"""rows (0.1 s): block length of means in which white noise is small against slower errors. Not
-sensitive."""
+"""rows (0.1 s): block length of means in which white noise is small against slower errors. Not sensitive."""
 EASED = 5e-4
 """m: rise of the commanded height that shows that the press was eased. Not sensitive."""
 WANDERING = 100.0
@@ -170,9 +162,8 @@ class Descent:
     onset: int  # last row before the contact
     pressed: Mask  # (n,) rows of the recording
     set_out: Array  # (6,) N, N m, change of the wrench as the arm started: friction of the joints
-    # (6,) N, N m, standard deviation of the wrench in free air, in means of `BLOCK_ROWS` rows:
-    # friction and drift that change with the place. The entry of the pressing force is about its
-    # linear trend.
+    # (6,) N, N m, standard deviation of the wrench in free air, in means of `BLOCK_ROWS` rows: friction and drift that
+    # change with the place. The entry of the pressing force is about its linear trend.
     wander: Array
     slope: float  # N/m, of that linear trend
     # (n,) N, part of the force caused by friction in joints that reverse during the motion.
@@ -295,8 +286,7 @@ def descent_before(trace: Trace, recording: Recording) -> Descent | None:
 
 
 def rows_of_greatest_force(samples: Samples, pressed: Mask) -> Mask:
-    """Return the rows of the greatest force at rest: `pressed`, or those before the press was
-    eased.
+    """Return the rows of the greatest force at rest: `pressed`, or those before the press was eased.
 
     Joint friction reverses when a press is eased, and may hide the remaining force.
     """
@@ -326,8 +316,7 @@ def steady(samples: Samples) -> Mask:
 
 
 def block_means(rows: Array) -> Array:
-    """Average blocks of `BLOCK_ROWS` rows along the first axis; one row of zeros if there are fewer
-    rows."""
+    """Average blocks of `BLOCK_ROWS` rows along the first axis; one row of zeros if there are fewer rows."""
     count = len(rows) // BLOCK_ROWS
     if not count:
         return np.zeros((1, *rows.shape[1:]))
@@ -336,8 +325,7 @@ def block_means(rows: Array) -> Array:
 
 
 def running_median(values: Array) -> Array:
-    """Compute the (n,) running median over `SUSTAINED` rows; the end values are repeated beyond the
-    ends."""
+    """Compute the (n,) running median over `SUSTAINED` rows; the end values are repeated beyond the ends."""
     padded = np.pad(values, SUSTAINED // 2, mode="edge")
     return np.median(sliding_window_view(padded, SUSTAINED), axis=-1)
 
@@ -370,11 +358,9 @@ def fit_free_air(samples: Samples, z: Array, smooth: Array, hand: NominalHand) -
     weight = np.where(steady(samples), 1.0, SWINGING)
     stopped = change_point(z, smooth, weight, rows)
     bearing = smooth - stopped.free_air(z)
-    # Full force. Joint friction may hide most of it at rest, so a share of the greatest force is
-    # its lower bound.
+    # Full force. Joint friction may hide most of it at rest, so a share of the greatest force is its lower bound.
     full = max(float(bearing[-1]), AT_REST_SHARE * float(bearing[rows].max()))
-    # Second change point from the rows before the last stretch of the loading curve: the top of a
-    # soft layer.
+    # Second change point from the rows before the last stretch of the loading curve: the top of a soft layer.
     late = np.flatnonzero(bearing[rows] >= LATE_FORCE * full)
     before = rows[: int(late[0]) + 1] if len(late) else rows
     soft = change_point(z, smooth, weight, before)
@@ -398,12 +384,10 @@ def change_point(z: Array, force: Array, weight: Array, rows: NDArray[np.intp]) 
 
     The slope in free air has a normal prior of `FREE_SLOPE`.
     """
-    # The model is linear at a given z0. A coarse search over row heights is refined around its
-    # best.
+    # The model is linear at a given z0. A coarse search over row heights is refined around its best.
     height, share, begin = z[rows] - z[rows[0]], weight[rows], float(z[rows[0]])
     wanted, air = force[rows] * share, np.stack([share, height * share])
-    # Precision of the slope's prior, in units of the noise: `SOFT_FORCE` over `WANDERING`
-    # correlated rows.
+    # Precision of the slope's prior, in units of the noise: `SOFT_FORCE` over `WANDERING` correlated rows.
     prior = np.array([0.0, FREE_SLOPE**-2.0, 0.0]) * SOFT_FORCE**2 * WANDERING
 
     def best_of(candidates: range) -> tuple[int, ChangePoint]:
@@ -507,8 +491,7 @@ def contact_height_if_rigid(descent: Descent, late: int, first: float) -> float 
     """
     late_z, late_force = float(descent.z[late]), float(descent.smooth[late])
     most, deepest = at_most(descent)
-    # Compliances, m/N: from the first contact to row `late`, and from there to the greatest force
-    # at rest.
+    # Compliances, m/N: from the first contact to row `late`, and from there to the greatest force at rest.
     before = (first - late_z) / late_force
     after = (late_z - deepest) / (most - late_force)
     # No soft layer above, or no sufficient change of the compliance.

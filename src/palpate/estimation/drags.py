@@ -402,8 +402,7 @@ def inertial_force(
 ) -> Array:
     """Inertial force (k, 3), N, world axes, of the arm's links and a held `mass`, kg, in `rows`.
 
-    A compliant arm oscillates for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the
-    TCP.
+    A compliant arm oscillates for a second after a breakaway. Unknown links count as `HORIZONTAL_MASS` at the TCP.
     """
     # Without a link model, a point mass moves horizontally with the TCP.
     rising = central_rate(samples.twist[:, :3], samples.t, rows)

@@ -173,8 +173,7 @@ class Sliding:
         )
 
     def aside(self, drag: int, rows: slice) -> tuple[float, float]:
-        """Mean force, N, of causes other than the object's friction in rows of a drag, and its standard
-        deviation."""
+        """Mean force, N, of causes other than the object's friction in rows of a drag, and its standard deviation."""
         row = self._others(drag)[rows].mean(axis=0)
         return float(row @ self.mean), float(np.sqrt(row @ self.covariance @ row))
 

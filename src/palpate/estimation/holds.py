@@ -40,8 +40,7 @@ class Hold:
     recording: Recording  # recording of the hold
     grasp: float  # s, time at which the hand had closed on the object
     pose_world_tcp: Pose  # mean pose of the hand during the hold
-    # Pose of the object in the hand: its pose in the scene relative to the measured hand as it
-    # closed.
+    # Pose of the object in the hand: its pose in the scene relative to the measured hand as it closed.
     pose_tcp_body: Pose
     droop: Droop  # rotation in the grip since the grasp
     swept: float  # rad, total angle by which tilts have turned the hand since the grasp

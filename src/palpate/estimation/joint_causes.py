@@ -52,9 +52,8 @@ permille of the range of a large joint's strain gauges. Sensitive: mass 0.3 σ, 
 DRIFT_TIME = 300.0
 """s: correlation time of that drift. No published figure. Sensitive: mass 0.15 σ."""
 INERTIA_SHARE = 0.05
-"""fraction (1 sigma): error of the torques that move the arm's links. Identified models are some
-per cent off (Gaz et al., see `joint_friction.JOINT_LEVEL`). Sensitive: mass 0.2 σ where signals
-wander, else none."""
+"""fraction (1 sigma): error of the torques that move the arm's links. Identified models are some per cent off (Gaz et
+al., see `joint_friction.JOINT_LEVEL`). Sensitive: mass 0.2 σ where signals wander, else none."""
 INERTIA_OFF = ((1.0, 10.0), (0.9, 0.1))
 """factors on `INERTIA_SHARE` where all free motion is fitted, with prior probabilities. On a real
 arm half of the wrist's inertia was missing: its motors contribute much of it. Not sensitive."""
@@ -76,8 +75,7 @@ at 0.1 m. Not sensitive."""
 ANY_ZERO = 10.0
 """N m (1 sigma): uninformative prior of a sensor's zero. Not sensitive."""
 JOINT_VISCOUS = 0.3
-"""N m s/rad (1 sigma): viscous friction in a joint; 0.07 was identified (Gaz et al.). Hardly
-sensitive."""
+"""N m s/rad (1 sigma): viscous friction in a joint; 0.07 was identified (Gaz et al.). Hardly sensitive."""
 LINK_MASS = 0.05
 """fraction (1 sigma): error of the mass that moves with a joint. Identified models are some per
 cent off (Gaz et al.). Hardly sensitive."""
@@ -266,8 +264,7 @@ def build_link_errors(
         if not mass:
             continue
         holds += [each[:, :, i] @ [mass, *moment] for each in held]
-        # Unknowns: a mass at the centre of mass, and a shift of the centre along each axis of the
-        # link.
+        # Unknowns: a mass at the centre of mass, and a shift of the centre along each axis of the link.
         units = np.column_stack([[1.0, *np.array(moment) / mass], mass * np.eye(4)[:, 1:]])
         prior = np.array([LINK_MASS * mass, *[LINK_CENTRE] * 3])
         kinds = ("mass", *(f"centre along {letter}" for letter in "xyz"))
@@ -306,8 +303,7 @@ def build_noise(seen: Blocks, noise: SignalLevels) -> SignalNoise:
     drift = DRIFT**2 * np.exp(-between / DRIFT_TIME) * TORQUE_LEVER**2
     slow = flicker(between)
     roots: list[Array] = []
-    # White noise: blocks are means of signals smoothed over `FOLLOWED`, so that neighbours share a
-    # part.
+    # White noise: blocks are means of signals smoothed over `FOLLOWED`, so that neighbours share a part.
     length = float(np.median(np.diff(seen.t)))
     overlap = min(FOLLOWED / max(length, FOLLOWED), 1.0)
     shared = np.where(between < 1.5 * length, overlap / 6.0, 0.0)

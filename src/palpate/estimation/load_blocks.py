@@ -31,13 +31,11 @@ CLEARANCE = 0.015
 """m of the path above the grasp that is left out, as the support may still carry part of the object
 there. Sensitive: mass 0.7 σ, std ×0.9–1.1; com 0.2 σ, std ×0.8–1.4."""
 WHOLE_BLOCK = 0.1
-"""s: shortest block of a whole run. White noise averages out, and nothing moves far. Not sensitive.
-"""
+"""s: shortest block of a whole run. White noise averages out, and nothing moves far. Not sensitive."""
 WHOLE_MOST = 400
 """largest number of such blocks; longer runs have longer blocks. Not sensitive."""
 WHOLE_AROUND = 15.0
-"""s before and after an object hung on the hand in which motions of the empty hand are used.
-Sensitive: mass 0.1 σ."""
+"""s before and after an object hung on the hand in which motions of the empty hand are used. Sensitive: mass 0.1 σ."""
 WHOLE_SLOW = 0.02
 """rad/s, norm over all joints: below this speed an arm is about to rest. Not sensitive."""
 WHOLE_SHAKEN = 0.01
@@ -176,8 +174,7 @@ def joint_travel(samples: Samples) -> Array:
 
 
 def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
-    """List the rows of each block of free motion, around the time in which `name` hangs on the
-    hand.
+    """List the rows of each block of free motion, around the time in which `name` hangs on the hand.
 
     The hand is empty or holds `name`. Empty where the load never hung free.
 
@@ -193,8 +190,7 @@ def free_rows(trace: Trace, name: str, surely: bool = False) -> list[Rows]:
     for one in trace.recordings:
         if one.context.activity == "swinging":
             used &= (t < one.start) | (t > one.end)
-    # The window counts free motion only, so that contact between lift and return does not shorten
-    # it.
+    # The window counts free motion only, so that contact between lift and return does not shorten it.
     free = np.cumsum(used * np.gradient(t))
     first, last = free[hangs][0] - WHOLE_AROUND, free[hangs][-1] + WHOLE_AROUND
     used &= (first <= free) & (free <= last)
@@ -263,8 +259,7 @@ def rows_in_free_air(trace: Trace) -> Mask:
 
 
 def rows_above_lift(trace: Trace, load: LoadRows, above: float = FREE_ABOVE) -> Mask:
-    """Return the rows in which the hand is `above` m or more over the place where it took the
-    object.
+    """Return the rows in which the hand is `above` m or more over the place where it took the object.
 
     In a recording of free motion these are all rows in which it holds it.
     """

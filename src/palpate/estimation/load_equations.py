@@ -18,8 +18,7 @@ from palpate.estimation.motion import Mask
 from palpate.estimation.segments import BINS, PAUSE, Weighing
 
 CENTRIFUGAL = 8.0
-"""N s²/m² (1 sigma): force in proportion to the squared speed; equal motions compare best. Hardly
-sensitive."""
+"""N s²/m² (1 sigma): force in proportion to the squared speed; equal motions compare best. Hardly sensitive."""
 DEGREE = 3
 """degree of the polynomial along the path for the bias of one direction of travel. Sensitive: mass
 0.2 σ."""
@@ -35,11 +34,9 @@ VISCOUS = 1.0
 """N s/m (1 sigma): force in proportion to the speed. Friction of 0.07 N m s/rad at a lever arm of
 0.5 m is a third of it. Hardly sensitive."""
 BIN_BIAS = 0.03
-"""N (1 sigma): residual of the polynomial bias at one place of the path (gear ripple). Sensitive:
-mass 0.08 σ."""
+"""N (1 sigma): residual of the polynomial bias at one place of the path (gear ripple). Sensitive: mass 0.08 σ."""
 REST_FRICTION = 0.1
-"""N (1 sigma): friction that differs between rests after the same approach. Sensitive: mass 0.08 σ.
-"""
+"""N (1 sigma): friction that differs between rests after the same approach. Sensitive: mass 0.08 σ."""
 FORCE_BIAS = 0.5
 """N (1 sigma): bias of an unreferenced force; Franka states 0.8 N relative accuracy. Hardly
 sensitive; without a pass or rest of the empty hand it dominates the std of a mass."""
@@ -179,8 +176,7 @@ class WeighingRows:
     height: Array  # (n,) m along the path, about the mean of the loaded rows
     way: Array  # (n,) 1 up, -1 down, 0 at rest
     rest: Array  # (n,) 1 at rest
-    # (n, p) signals per unit of friction level in each joint, and per unit of its initial state
-    # (`joint_friction`).
+    # (n, p) signals per unit of friction level in each joint, and per unit of its initial state (`joint_friction`).
     dahl: Array
     # Columns of the torque that remains after an approach, per rest and pass.
     stiction: ResidualStiction

@@ -68,9 +68,8 @@ from palpate.trace.samples import Trace
 PULL_SMALL = 0.05
 """N/m (1 sigma): tolerated growth of a force with the height. Not sensitive."""
 PULL_SHARE = 0.03
-"""1/m (1 sigma): tolerated growth with the height, as a fraction of the load. Joint lever arms are
-not known better along a lift; loads in a perfect world read up to 5 % a metre off. Not sensitive.
-"""
+"""1/m (1 sigma): tolerated growth with the height, as a fraction of the load. Joint lever arms are not known better
+along a lift; loads in a perfect world read up to 5 % a metre off. Not sensitive."""
 RUB_SHARE = 0.002
 """fraction of the load (1 sigma): tolerated force difference. Friction in a joint grows with its
 load by about this much. Not sensitive."""
@@ -78,8 +77,7 @@ RUB_SMALL = 0.005
 """N (1 sigma): tolerated force difference between directions, between rest and pass and between
 weighings. It is a tenth of the force resolution of such arms. Not sensitive."""
 TELLING = 0.1
-"""fraction of `LOAD_PRIOR`: a term with a larger std cannot be separated from the load. Not
-sensitive."""
+"""fraction of `LOAD_PRIOR`: a term with a larger std cannot be separated from the load. Not sensitive."""
 
 
 def tests_of(
@@ -107,8 +105,7 @@ def vertical_tests(
 ) -> list[FitTest]:
     """Test for further vertical forces, each added to the model alone.
 
-    There are four kinds: in proportion to the height, opposite up and down, at rest only, and a
-    step in time.
+    There are four kinds: in proportion to the height, opposite up and down, at rest only, and a step in time.
 
     Args:
         rub: N (1 sigma), tolerated.
@@ -212,8 +209,7 @@ LOAD_ITERATIONS = 3
 """number of solutions after the first. They are needed as the effects of gains and tilt are in
 proportion to the load. Not sensitive."""
 FORESEEN_DRAWS = 2
-"""number of noise draws for the prediction of planned passes. Not sensitive; only the planned
-effort depends on it."""
+"""number of noise draws for the prediction of planned passes. Not sensitive; only the planned effort depends on it."""
 
 AT_HAND, OFFSETS = ("rests", "passes", "rests and passes"), "offsets"
 """Names of the causes of residual stiction."""
@@ -260,8 +256,7 @@ class LoadEstimate:
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> LoadEstimate:
     """Fit the load on the hand in all `weighings`, at g = `gravity` m/s².
 
-    Where weighings disagree, those that contradict themselves are left out of the value. Their
-    failed tests are kept.
+    Where weighings disagree, those that contradict themselves are left out of the value. Their failed tests are kept.
 
     Raises:
         ValueError: a weighing has no loaded segment.
@@ -354,8 +349,7 @@ def load_model(
     pairs = list(zip(rows, torques, strict=True))
     borne = np.concatenate([torque[:, None] * gains[row.signal] for row, torque in pairs])
     crossed = np.concatenate([crosstalk_columns(hand, torque, signals) for torque in torques])
-    # Joint friction is a sum of independent elements; residual stiction has the force
-    # repeatability.
+    # Joint friction is a sum of independent elements; residual stiction has the force repeatability.
     friction, left = (
         JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5,
         hand.force_repeatability + FLOOR,
@@ -414,8 +408,7 @@ class WholeLoad:
     """Load from all free motion around n grasps (`fit_whole`)."""
 
     grasps: tuple[float, ...]  # s, times at which the hand had closed on it
-    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the
-    # hand, N m.
+    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the hand, N m.
     value: Array
     covariance: Array  # (1 + 3n, 1 + 3n) of `value`
     # Errors of the arm in common with other runs, with their effects on `value`.
@@ -459,10 +452,9 @@ class WholeLoad:
 def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) -> WholeLoad | None:
     """Fit the load `name` to all the time it hung on the hand, linearised at `about_force` N.
 
-    Two sets of rows are tried: all free motion, and only motion that certainly is free. Certainly
-    free motion is high enough that the far end of a tilted object has left its support. It is close
-    to where the load hung, and settled at rests or well away from them. The residual of the model
-    widens each result, and the narrower counts.
+    Two sets of rows are tried: all free motion, and only motion that certainly is free. Certainly free motion is high
+    enough that the far end of a tilted object has left its support. It is close to where the load hung, and settled at
+    rests or well away from them. The residual of the model widens each result, and the narrower counts.
 
     None where the arm's links are unknown, or the load never hung free.
     """

@@ -23,8 +23,7 @@ SMOOTH_DEGREE = 2
 """degree of the polynomial in time that is removed from a stretch and does not count as noise.
 Sensitive: mass 0.1 σ, std ×0.9–1.2."""
 FLICKER_SPAN = 4.0
-"""s: averaging time of a pass, at which white noise is compared with slower noise. Not sensitive.
-"""
+"""s: averaging time of a pass, at which white noise is compared with slower noise. Not sensitive."""
 FLICKER_FREEDOM = (6.0, 20.0)
 """least and greatest degrees of freedom of the 1/f noise level; the number of blocks of
 `LONG_BLOCK` decides between them. A level that hardly exceeds white noise is known to a factor of
@@ -37,8 +36,7 @@ STANDS_OUT = 2.0
 """standard deviations of the excess scatter of long blocks over white noise from which it counts as
 1/f noise. Sensitive: mass 0.2 σ, std ×0.8–1.2."""
 OVERLAP = 2.0
-"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std
-×0.9–1.1."""
+"""second differences of neighbouring blocks per independent one. Sensitive: mass 0.1 σ, std ×0.9–1.1."""
 FLICKER_TIMES = tuple(0.3 * 4.0**i for i in range(6))
 """s: time constants of the processes whose sum is 1/f noise, from the block length to that of a
 long run. Hardly sensitive."""

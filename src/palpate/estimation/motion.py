@@ -21,13 +21,11 @@ START = 0.06
 """s before the commanded pose moves on: a smooth start accelerates before it visibly moves.
 Sensitive: com 0.08 σ, std ×0.9–1.0."""
 STILL_SPEED = 0.001
-"""m/s: below this speed the TCP is at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std ×1.0–1.1;
-com 0.2 σ."""
+"""m/s: below this speed the TCP is at rest. Sensitive: mass 0.1 σ; friction 0.2 σ, std ×1.0–1.1; com 0.2 σ."""
 STILL_TURN = 0.01
 """rad/s: below this angular speed the hand is at rest. Not sensitive."""
 NEAR_ANGLE = 0.06
-"""rad: rotation from the measured pose up to which an orientation counts as the same. Not
-sensitive."""
+"""rad: rotation from the measured pose up to which an orientation counts as the same. Not sensitive."""
 SPEED_SMOOTH = 0.05
 """s: averaging time of the speed in the test for a constant speed, as encoders are noisy.
 Sensitive: mass 0.5 σ, std ×0.9–1.5."""
@@ -56,8 +54,7 @@ def smooth_rows(values: Array, rows: int) -> Array:
 
 
 def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
-    """Average speeds (n, k) over at most `over` s; return them and their rates of change per
-    second."""
+    """Average speeds (n, k) over at most `over` s; return them and their rates of change per second."""
     # An odd window keeps both at the time of their row.
     half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
     smooth = np.column_stack([smooth_rows(speed, 2 * half + 1) for speed in speeds.T])
@@ -66,8 +63,7 @@ def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Arr
 
 @once
 def acceleration(samples: Samples, over: float) -> Array:
-    """Compute the TCP acceleration (n, 3), m/s², world axes, from its velocity averaged over `over`
-    s."""
+    """Compute the TCP acceleration (n, 3), m/s², world axes, from its velocity averaged over `over` s."""
     t = samples.t
     if len(t) < 2:
         return np.zeros((len(t), 3))

@@ -2,13 +2,12 @@
 
     y = Σ_c X_c x_c + n        x_c ~ N(0, s² P_c²)        n ~ N(0, Σ)
 
-A *cause* c has columns X_c (effects of its unknowns on the rows y) and prior standard deviations
-P_c. The scales s of some causes are learned from the recording. *Noise* whitens rows to unit
-variance. The posterior of all unknowns has a closed form. It is averaged over the scales by their
-evidence.
+A *cause* c has columns X_c (effects of its unknowns on the rows y) and prior standard deviations P_c. The scales s of
+some causes are learned from the recording. *Noise* whitens rows to unit variance. The posterior of all unknowns has a
+closed form. It is averaged over the scales by their evidence.
 
-Sources: C. Bishop, Pattern Recognition and Machine Learning, sections 3.3 and 3.5; Hoeting et al.,
-Statistical Science 14, 1999.
+Sources: C. Bishop, Pattern Recognition and Machine Learning, sections 3.3 and 3.5; Hoeting et al., Statistical Science
+14, 1999.
 """
 
 from __future__ import annotations
@@ -222,8 +221,7 @@ class Posterior:
         return tuple(found)
 
     def effects(self, name: str) -> Array:
-        """Effects (p, k) on all estimates, or the first, of one prior deviation of each unknown of
-        a cause.
+        """Effects (p, k) on all estimates, or the first, of one prior deviation of each unknown of a cause.
 
         The sum of their squares over all unknowns is at most the variance of the estimate.
         """
@@ -250,8 +248,7 @@ class Posterior:
         return chi_squared(cause.name, statistic, count, text, self.freedom)
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of further unknowns with `columns` (n, k), each added
-        alone."""
+        """Posterior means and variances (k,) of further unknowns with `columns` (n, k), each added alone."""
         return self.model.each_alone(self.noise.white(columns), prior)
 
 
@@ -284,8 +281,7 @@ class _Information(NamedTuple):
         return self.per_deviation(self.prior[:, None] * columns)
 
     def per_deviation(self, columns: Array) -> Array:
-        """Multiply the covariance, divided by the prior deviations on its right side, by `columns`
-        (p, k)."""
+        """Multiply the covariance, divided by the prior deviations on its right side, by `columns` (p, k)."""
         from scipy.linalg.lapack import dpotrs
 
         if not columns.size:
@@ -303,8 +299,7 @@ class _Solved(NamedTuple):
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Reduced:
-    """Normal equations of the v unknowns with a scale; the f others are integrated out (Schur
-    complement).
+    """Normal equations of the v unknowns with a scale; the f others are integrated out (Schur complement).
 
     Given the former, x, the others have the mean `offset` - `slope` x for all scales.
     """
@@ -347,8 +342,7 @@ class _Reduced:
     def all_of(
         self, mean: Array, covariance: Array, within: Array, first: int
     ) -> tuple[Array, Array, Array]:
-        """Assemble mean (p,), covariance (first, p) and effects of one prior deviation (first, p)
-        of all unknowns.
+        """Assemble mean (p,), covariance (first, p) and effects of one prior deviation (first, p) of all unknowns.
 
         Args:
             mean: (v,) of the unknowns with a scale.
@@ -358,8 +352,7 @@ class _Reduced:
             first: number of rows.
         """
         count = len(self.scaled) + len(self.others)
-        # All unknowns follow linearly from the scaled ones: x for these, offset - slope x for the
-        # others.
+        # All unknowns follow linearly from the scaled ones: x for these, offset - slope x for the others.
         follow = np.empty((count, len(mean)))
         follow[self.scaled], follow[self.others] = np.eye(len(mean)), -self.slope
         means = follow @ mean
@@ -426,8 +419,7 @@ class LinearModel:
         means = np.array([each.mean for each in solved])
         mean: Array = weights @ means
         covariance: Array = (means - mean).T @ (weights[:, None] * (means - mean))
-        # Covariance within each combination. The spread between them is no error that one scale
-        # explains.
+        # Covariance within each combination. The spread between them is no error that one scale explains.
         within = np.zeros((2, *covariance.shape))
         for weight, each in zip(weights, solved, strict=True):
             carried = each.information.per_deviation(np.eye(len(mean)))
@@ -461,8 +453,7 @@ class LinearModel:
         return _Solved(information, mean, evidence)
 
     def each_alone(self, columns: Array, prior: float) -> tuple[Array, Array]:
-        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added
-        alone."""
+        """Posterior means and variances (k,) of the coefficients of `columns` (n, k), each added alone."""
         reduced = _Reduced.of(self)
         across = self.design.T @ columns
         others = across[reduced.others]

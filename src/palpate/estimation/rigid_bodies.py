@@ -16,18 +16,16 @@ MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 
 
 def pseudo_inertia(theta: Array) -> Array:
-    """Compute the (4, 4) pseudo-inertia J = U Uᵀ of log-Cholesky parameters `theta` (10,), (a, d,
-    s, t).
+    """Compute the (4, 4) pseudo-inertia J = U Uᵀ of log-Cholesky parameters `theta` (10,), (a, d, s, t).
 
         U = exp(a) [[exp(d1), s12, s13, t1], [0, exp(d2), s23, t2], [0, 0, exp(d3), t3], [0, 0, 0,
         1]]
 
-    a is half the logarithm of the mass, and t the centre of mass, m. d is the logarithm of the root
-    mean square distance of the mass from it along an axis. Every ten numbers give a physically
-    consistent body.
+    a is half the logarithm of the mass, and t the centre of mass, m. d is the logarithm of the root mean square
+    distance of the mass from it along an axis. Every ten numbers give a physically consistent body.
 
-    Source: C. Rucker and P. Wensing, Smooth Parameterization of Rigid-Body Inertia, IEEE RA-L 7,
-    2022, doi:10.1109/LRA.2022.3144517.
+    Source: C. Rucker and P. Wensing, Smooth Parameterization of Rigid-Body Inertia, IEEE RA-L 7, 2022,
+    doi:10.1109/LRA.2022.3144517.
     """
     root = np.eye(4)
     root[:3, :3] = np.diag(np.exp(theta[RADIUS]))
@@ -53,16 +51,14 @@ def move_inertia(pseudo: Array, pose: Pose) -> Array:
 
 
 def linear(pseudo: Array) -> Array:
-    """Convert a pseudo-inertia to (10,) mass, first moment, and inertia xx yy zz xy xz yz about the
-    frame's origin."""
+    """Convert a pseudo-inertia to (10,) mass, first moment, and inertia xx yy zz xy xz yz about the frame's origin."""
     second = pseudo[:3, :3]
     tensor = np.trace(second) * np.eye(3) - second
     return np.concatenate([[pseudo[3, 3]], pseudo[:3, 3], components(tensor)])
 
 
 def about_centre(theta: Array) -> Array:
-    """Compute the inertia (6,), xx yy zz xy xz yz, about the centre of mass from log-Cholesky
-    parameters `theta`."""
+    """Compute the inertia (6,), xx yy zz xy xz yz, about the centre of mass from log-Cholesky parameters `theta`."""
     central = theta.copy()
     central[CENTRE] = 0.0
     return linear(pseudo_inertia(central))[4:]
@@ -102,8 +98,7 @@ def wrenches_of_load(axes: Array, pulled: Array, turn: Array, spun: Array) -> Ar
 
 
 def body_wrench(own: Array, pulled: Array, turn: Array, spun: Array) -> tuple[Array, Array]:
-    """Compute force and moment (n, 3) about the origin of a body's frame with parameters `own`
-    (10,).
+    """Compute force and moment (n, 3) about the origin of a body's frame with parameters `own` (10,).
 
     The other arguments are those of `wrench_columns`.
     """
@@ -132,8 +127,7 @@ def _momentum(vectors: Array) -> Array:
 
 
 def parameters(links: Iterable[ChainLink], anchor: Array) -> Array:
-    """Compute the parameters (10,) of links that move as one, about `anchor` (3,), m, at joint
-    angles 0."""
+    """Compute the parameters (10,) of links that move as one, about `anchor` (3,), m, at joint angles 0."""
     found = np.zeros(PARAMETERS)
     for link in links:
         own = [link.mass, 0.0, 0.0, 0.0, *link.inertia]
@@ -166,8 +160,7 @@ def inertia_about_centre(found: Array) -> Array:
 
 
 def in_axes(axes: Array) -> Array:
-    """Build the (10, 10) map of parameters from a frame whose `axes` are the columns (3, 3) to the
-    frame of these."""
+    """Build the (10, 10) map of parameters from a frame whose `axes` are the columns (3, 3) to the frame of these."""
     found = np.eye(PARAMETERS)
     found[1:4, 1:4] = axes
     # Rotate each unit inertia: R I Rᵀ.
@@ -206,8 +199,7 @@ def hinges(chain: Chain, q: Array) -> list[Hinge]:
 
 
 def rotations_about(axis: Array, angle: Array) -> Array:
-    """Compute the rotations (k, 3, 3) by `angle` (k,), rad, about a unit `axis` (3,), by Rodrigues'
-    formula."""
+    """Compute the rotations (k, 3, 3) by `angle` (k,), rad, about a unit `axis` (3,), by Rodrigues' formula."""
     x, y, z = axis
     cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
     sine, cosine = np.sin(angle)[:, None, None], np.cos(angle)[:, None, None]
@@ -215,11 +207,10 @@ def rotations_about(axis: Array, angle: Array) -> Array:
 
 
 def tool_kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
-    """Compute TCP (k, 3), tool axes (k, 3, 3) and Jacobian (k, 6, m) about the TCP at angles `q`
-    (k, m).
+    """Compute TCP (k, 3), tool axes (k, 3, 3) and Jacobian (k, 6, m) about the TCP at angles `q` (k, m).
 
-    All are in the axes of the base. The columns of the Jacobian are the twists of the joints (Lynch
-    and Park, chapter 5).
+    All are in the axes of the base. The columns of the Jacobian are the twists of the joints (Lynch and Park, chapter
+    5).
     """
     turned = hinges(chain, q)
     last = turned[-1]
@@ -235,8 +226,7 @@ def tool_kinematics(chain: Chain, q: Array) -> tuple[Array, Array, Array]:
 def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
     """Compute the joint torques (n, m, m, 10) by a unit of each parameter of each joint's link.
 
-    The parameters (`PARAMETERS`) are about the joint's anchor, in axes that are those of the base
-    at angles 0.
+    The parameters (`PARAMETERS`) are about the joint's anchor, in axes that are those of the base at angles 0.
 
     Args:
         q, dq, ddq: (n, m) rad, rad/s, rad/s².
@@ -252,8 +242,7 @@ def regressor(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> 
 def own_motion(
     chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array | None = None
 ) -> Array:
-    """Compute the joint torques (n, m), N m, that move the links of `chain`, without gravity by
-    default.
+    """Compute the joint torques (n, m), N m, that move the links of `chain`, without gravity by default.
 
     The recursive Newton-Euler algorithm; arguments as in `regressor`.
     """
@@ -274,8 +263,7 @@ def own_motion(
 
 
 def load_torques(chain: Chain, q: Array, dq: Array, ddq: Array, gravity: Array) -> Array:
-    """Compute the joint torques (n, m, 10) of a load on the hand, per unit of each of its
-    parameters.
+    """Compute the joint torques (n, m, 10) of a load on the hand, per unit of each of its parameters.
 
     The parameters are about the TCP, in the axes of the tool; arguments as in `regressor`.
     """
@@ -330,8 +318,7 @@ def link_motions(
 ) -> Iterator[tuple[Array, Array, Array]]:
     """Yield the motion of each joint's link, in the axes of the base.
 
-    It is the acceleration of its anchor less gravity, its angular velocity, and its angular
-    acceleration, (n, 3) each.
+    It is the acceleration of its anchor less gravity, its angular velocity, and its angular acceleration, (n, 3) each.
     """
     turn, spun, place = np.zeros((3, len(dq), 3))
     pulled = np.broadcast_to(-gravity, (len(dq), 3))

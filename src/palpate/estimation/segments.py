@@ -51,17 +51,14 @@ from palpate.trace.recording import Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
 TURN_BINS = 8
-"""number of bins of a turn, to a tilt or about the vertical; the first and the last are left out.
-Not sensitive."""
+"""number of bins of a turn, to a tilt or about the vertical; the first and the last are left out. Not sensitive."""
 TURN_STEADY = 0.5
-"""rad/s²: largest angular acceleration of an even turn, 3 mN m for a load of 0.006 kg m². Not
-sensitive."""
+"""rad/s²: largest angular acceleration of an even turn, 3 mN m for a load of 0.006 kg m². Not sensitive."""
 NEAR = 0.012
 """m: distance from the measured pose up to which a rest counts as the same pose (a loaded arm sags
 by m g / k). Not sensitive."""
 CORRIDOR = 0.02
-"""m: distance of a pass from the line between the grasp and the measured pose. Sensitive: mass 0.7
-σ, std ×1.0–1.3."""
+"""m: distance of a pass from the line between the grasp and the measured pose. Sensitive: mass 0.7 σ, std ×1.0–1.3."""
 SHORT_LIFT = 0.4
 """fraction of the path left out near the support, where the lift is short. Not sensitive."""
 COVERED = 0.4
@@ -72,8 +69,7 @@ LIFT_MIN = 0.02
 REST_ROWS = 5
 """rows: shortest rest, so that its mean has a scatter. Sensitive: mass 0.08 σ."""
 ARRIVAL = 0.02
-"""m: last stretch before a rest. Its direction determines the friction in the joints. Not
-sensitive."""
+"""m: last stretch before a rest. Its direction determines the friction in the joints. Not sensitive."""
 ALONG = 0.7
 """cosine between that stretch and the path from which the rest was reached along the path.
 Sensitive: mass 0.2 σ, std ×0.9–1.0."""
@@ -85,14 +81,11 @@ ALIKE_SPEED = 0.5
 passes. Chosen: it keeps the ramps of passes and leaves out descents of a tenth of their speed.
 Sensitive: mass std ×1.0–1.3 at 0.3, none at 0.8."""
 SAME_MOTION = 0.25
-"""m/s², root mean square along the path: passes whose accelerations differ by more are not
-compared. Not sensitive."""
+"""m/s², root mean square along the path: passes whose accelerations differ by more are not compared. Not sensitive."""
 BINS = 10
-"""number of bins along the path, so that passes are compared at the same configurations. Sensitive:
-mass 0.3 σ."""
+"""number of bins along the path, so that passes are compared at the same configurations. Sensitive: mass 0.3 σ."""
 PAUSE = 0.5
-"""s: longest gap between two stretches of one pass. A motion changes its speed near objects. Not
-sensitive."""
+"""s: longest gap between two stretches of one pass. A motion changes its speed near objects. Not sensitive."""
 
 TURN = "turn"
 """Prefix of the kinds of turns."""
@@ -125,8 +118,7 @@ class LiftPath:
 
 
 def lift_path(trace: Trace, recording: Recording, load: LoadRows) -> LiftPath | None:
-    """Find the path of the lift before `recording`; None where the grasp is not in the trace or at
-    the same place."""
+    """Find the path of the lift before `recording`; None where the grasp is not in the trace or at the same place."""
     before = [time for time in load.grasps if time <= recording.start]
     window = trace.of(recording)
     if not before or not len(window):
@@ -143,8 +135,7 @@ def lift_path(trace: Trace, recording: Recording, load: LoadRows) -> LiftPath | 
 def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice]:
     """Cut each turn in a recording into bins of rotation.
 
-    Bins are at the same shares of the turn in every recording. Bins with a changing rate of
-    rotation are left out.
+    Bins are at the same shares of the turn in every recording. Bins with a changing rate of rotation are left out.
 
     Returns:
         Rows by the number of the turn and the number of the bin.
@@ -166,8 +157,7 @@ def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice
         for k, (first, last) in enumerate(pairwise((cuts + turn.start).tolist())):
             if last - first < REST_ROWS:
                 continue
-            # At a constant rate no inertial moment adds to that of the weight: fit its linear
-            # trend.
+            # At a constant rate no inertial moment adds to that of the weight: fit its linear trend.
             since = t[first:last] - t[first:last].mean()
             trend = since @ samples.twist[first:last, 3:] / float(since @ since)
             if float(np.linalg.norm(trend)) < TURN_STEADY:
@@ -179,8 +169,7 @@ def turn_bins(trace: Trace, recording: Recording) -> dict[tuple[int, int], slice
 class Segment:
     """Rest, or pass in k bins along the path."""
 
-    # `up`, `down` (passes), `rest ...` with the direction of arrival, or `turn ...` with its
-    # number.
+    # `up`, `down` (passes), `rest ...` with the direction of arrival, or `turn ...` with its number.
     kind: str
     loaded: bool  # with the object in the hand
     grasp: float  # s, last time at which the hand took or left an object
@@ -194,8 +183,7 @@ class Segment:
     maps: Array  # (k, m, 6) m signals per unit wrench (`WrenchObservation.maps`)
     observed: Array  # (k, m) means of the signals
     variance: Array  # (k, m) variance of white noise in them
-    # (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where
-    # the links are unknown.
+    # (k, m) N m that moved the arm's own links, already subtracted from `observed`; (k, 0) where the links are unknown.
     motion: Array
     # (k, m, 2 e) Dahl states of the joints (`joint_friction.slip_states`); (k, 0, 0) where the
     # signals are not joint torques.
@@ -422,8 +410,7 @@ def comparable_passes(one: Segment, other: Segment) -> bool:
 def _rests(
     trace: Trace, recording: Recording, load: LoadRows, path: LiftPath | None
 ) -> Iterator[SegmentCut]:
-    """Yield the rests at the pose of `recording`, and `recording` itself even if the arm
-    oscillated."""
+    """Yield the rests at the pose of `recording`, and `recording` itself even if the arm oscillated."""
     samples, pose = trace.samples, mean_pose(trace.of(recording))
     measured = (samples.t >= recording.start) & (samples.t <= recording.end)
     # Rows near the measured pose, with a margin as a loaded arm sags.
@@ -508,8 +495,7 @@ def _bin_passes(signals: _Signals, passes: Sequence[SegmentCut]) -> list[Segment
 
 
 def _turns(trace: Trace, recording: Recording) -> Iterator[tuple[SegmentCut, Sequence[slice]]]:
-    """Yield each turn at the measured pose, with and without the object, in bins that all of them
-    have."""
+    """Yield each turn at the measured pose, with and without the object, in bins that all of them have."""
     context, here = recording.context, mean_pose(trace.of(recording))
     found: list[tuple[bool, dict[tuple[int, int], slice]]] = []
     # Turns of the empty hand or of the same object that begin at the measured pose.
@@ -547,8 +533,7 @@ def _turn_segment(
         now = mean_pose(samples.where(rows)).rotation @ here.rotation.T
         rate = float(samples.twist[rows, 5].mean())
         angles.append(float(np.arctan2(now[1, 0], now[0, 0])))
-        # Moments in the turned axes, and the centripetal force m ω² r of the lever that belongs to
-        # them.
+        # Moments in the turned axes, and the centripetal force m ω² r of the lever that belongs to them.
         inward = -(rate**2) / gravity * now @ LEVER
         maps[i, :, 3:] = maps[i, :, 3:] @ now + maps[i, :, :3] @ inward
     return replace(segment, maps=maps, turned=np.array(angles))

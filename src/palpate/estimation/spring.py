@@ -132,8 +132,7 @@ class Spring:
 
     compliance: float  # m/N, of the surface alone
     compliance_std: float  # its standard deviation
-    # held, held_std: m/N, compliance at rest: depth of the resting tip below contact onset, over
-    # the force
+    # held, held_std: m/N, compliance at rest: depth of the resting tip below contact onset, over the force
     held: float
     held_std: float
     damping: float  # N s/m, of the surface; negative only by noise

@@ -135,9 +135,8 @@ LATER_FORCE = 0.66
 """fraction of the greatest force, as `LATE_FORCE`, below a soft layer, which may carry as much
 force itself. Sensitive for cloths of some 400 N/m and layered foams."""
 LAST_RISE = 6.0
-"""N: largest force rise of the last stretch below a soft layer. A press goes on for 8 N after a
-rigid surface stops the tips (`vocabulary.contact`). Sensitive for cloths that carry more than 12 N.
-"""
+"""N: largest force rise of the last stretch below a soft layer. A press goes on for 8 N after a rigid surface stops the
+tips (`vocabulary.contact`). Sensitive for cloths that carry more than 12 N."""
 LEAST_RISE = 1.5
 """N: smallest force rise of the last stretch from which its slope is used. Not sensitive."""
 STIFF = 2e-5
@@ -156,16 +155,14 @@ SOLID = 0.05
 relative density of flexible foams, 0.02 to 0.1 (Gibson & Ashby, Cellular Solids). Sensitive only
 where a soft layer was pressed through: height std ×0.6–1.9."""
 CORRECTION = 0.25
-"""fraction (1 sigma) of the penetration correction: contacts are not exactly linear. Hardly
-sensitive."""
+"""fraction (1 sigma) of the penetration correction: contacts are not exactly linear. Hardly sensitive."""
 YIELDING = 0.5
 """fraction (1 sigma) of the penetration correction where the surface is not stiff. Sensitive only
 there: height std ×0.6–1.9."""
 LEANS_OVER = 3.3e-3
-"""rad: lean of the hand at a contact that shows that one finger alone is in contact. An
-uncalibrated arm has an error of 1.2 mrad (1 sigma) against a level surface: 1 mrad in each joint
-that tilts the hand, and 0.5 mrad in the level of the base. 30 N on one finger cause a lean of 4.2
-mrad at 280 N m/rad. Not sensitive."""
+"""rad: lean of the hand at a contact that shows that one finger alone is in contact. An uncalibrated arm has an error
+of 1.2 mrad (1 sigma) against a level surface: 1 mrad in each joint that tilts the hand, and 0.5 mrad in the level of
+the base. 30 N on one finger cause a lean of 4.2 mrad at 280 N m/rad. Not sensitive."""
 REACH = 0.5
 """m: typical distance of a touch from the base. It converts an angle error into a height error. A
 larger stated error of the fingertips allows a larger lean accordingly. Not sensitive."""
@@ -204,8 +201,7 @@ class SurfaceTouch:
 
     @property
     def height(self) -> float:
-        """m, of a rigid surface extrapolated to zero force; of a compliant one, of the first
-        contact."""
+        """m, of a rigid surface extrapolated to zero force; of a compliant one, of the first contact."""
         return self.first if self.gives_way else self.held + self.penetration
 
     def height_std(self, hand: NominalHand) -> float:
@@ -244,8 +240,7 @@ class SurfaceTouch:
     def at_most(self) -> float:
         """m/N, upper bound of the surface's compliance at `SURE` standard deviations.
 
-        It follows from the spring fit, or below a soft layer from the last stretch, less the tips'
-        compliance.
+        It follows from the spring fit, or below a soft layer from the last stretch, less the tips' compliance.
         """
         if self.knee == 0.0:
             return self.spring.at_most(SURE)
@@ -259,8 +254,7 @@ class SurfaceTouch:
         return self._compliance_bound(2.0) - self.own - 2.0 * self.own_std
 
     def _compliance_bound(self, sigmas: float) -> float:
-        """Compliance of the last stretch, m/N, for a force rise that is larger by `sigmas` standard
-        deviations."""
+        """Compliance of the last stretch, m/N, for a force rise that is larger by `sigmas` standard deviations."""
         risen = max(self.rise + sigmas * self.rise_std, SOFT_FORCE)
         return self.compliance * self.rise / risen
 
@@ -296,8 +290,7 @@ class SurfaceTouch:
     def sides(self) -> Iterator[FitTest]:
         """Test that both fingers are in contact, by the lean of the hand and by the moment.
 
-        With one finger alone, the force acts nearer to it than to the middle, and the hand leans to
-        the other side.
+        With one finger alone, the force acts nearer to it than to the middle, and the hand leans to the other side.
         """
         lower = abs(self.lean) * self.opening
         yield FitTest(
@@ -307,8 +300,7 @@ class SurfaceTouch:
             f"One finger alone stands on something: the hand leans over by {1e3 * abs(self.lean):.1f} "
             f"mrad, and the other finger, {1e3 * lower:.1f} mm lower for it, meets nothing.",
         )
-        # The lever of the force is tested only where it is known to half of the distance that
-        # counts.
+        # The lever of the force is tested only where it is known to half of the distance that counts.
         nearer = self.opening / 4
         if 2.0 * self.lever_std >= nearer:
             return
@@ -379,8 +371,7 @@ def loading_curve_view(touch: SurfaceTouch, height: float, effect: Array) -> Fit
 
 
 def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
-    """Find the touch of the guarded descent before a recorded pose; None without a lasting contact
-    force.
+    """Find the touch of the guarded descent before a recorded pose; None without a lasting contact force.
 
     Raises:
         ValueError: the recording holds no samples, or no guarded descent comes before it.
@@ -438,8 +429,7 @@ def last_stretch(descent: Descent, level: float, late: int) -> tuple[float, floa
     """
     z, force = descent.z, descent.smooth
     most, deepest = at_most(descent)
-    # The rows begin after the running median has left the impact, and end with the commanded
-    # motion.
+    # The rows begin after the running median has left the impact, and end with the commanded motion.
     stop = int(np.argmin(descent.samples.target_world_tcp[:, 2]))
     rows = np.arange(late + SUSTAINED // 2 + 1, stop + 1)
     rise = float(np.ptp(force[rows])) if len(rows) >= BLOCK_ROWS else 0.0
@@ -470,8 +460,7 @@ def largest_lean(descent: Descent) -> float:
 
 
 def force_lever(descent: Descent, hand: NominalHand) -> tuple[float, float]:
-    """Compute the offset of the contact force from the middle of the fingertips, m, and its
-    standard deviation, m.
+    """Compute the offset of the contact force from the middle of the fingertips, m, and its standard deviation, m.
 
     The offset is along the closing direction.
     """

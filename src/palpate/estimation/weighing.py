@@ -132,8 +132,7 @@ def whole_of(
 
 
 def hangs_free(trace: Trace, name: str) -> tuple[FitTest, ...]:
-    """Test for forces other than its weight on an object held in the air; empty without such a
-    recording."""
+    """Test for forces other than its weight on an object held in the air; empty without such a recording."""
     for recording in trace.recordings:
         context = recording.context
         still = recording.buffer == FORCES and context.activity == "still"
@@ -294,8 +293,7 @@ class Lift:
     def floor(
         self, cycles: int, speed: float, weight: float, gravity: float, hand: NominalHand
     ) -> float:
-        """Predict the standard deviation, N, of that load by the gains; further cycles do not
-        reduce it."""
+        """Predict the standard deviation, N, of that load by the gains; further cycles do not reduce it."""
         noise = self.noise(cycles, speed, weight, gravity, hand)
         whole = foreseen(self._weighing(cycles, speed), weight, gravity, hand)
         return float(np.sqrt(max(whole - noise**2, 0.0)))

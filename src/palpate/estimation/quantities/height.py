@@ -109,8 +109,7 @@ class Height(Quantity):
     def prior(self, body: BodyDescription, believed: Values) -> Prior:
         """Prior from the given pose.
 
-        Else it is the lowest bottom of the objects above that no known surface carries, else the given approach
-        pose.
+        Else it is the lowest bottom of the objects above that no known surface carries, else the given approach pose.
         """
         if body.given_z is not None:
             return Prior((body.top_z + body.given_z,), (LADEN_SPREAD,))

@@ -154,10 +154,9 @@ FASTER = 1.2
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Inertia tensor of a physically consistent rigid body, from sinusoidal swings and the static load.
 
-    Mass and centre of mass are fitted as well (`rigid_bodies`, `swings`). Compliance between pads and object
-    increases the apparent inertia by the square of the frequency; it is an unknown about each axis of the hand.
-    Components that the swings hardly excite keep those of the box with their prior standard deviation, and the method
-    says so.
+    Mass and centre of mass are fitted as well (`rigid_bodies`, `swings`). Compliance between pads and object increases
+    the apparent inertia by the square of the frequency; it is an unknown about each axis of the hand. Components that
+    the swings hardly excite keep those of the box with their prior standard deviation, and the method says so.
     """
     still = None if body is None else find_holds(trace, body)
     if body is None or still is None or not (swung := observed_swings(trace, still, body)):

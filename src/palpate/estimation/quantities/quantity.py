@@ -48,8 +48,7 @@ class Evidence:
     buffer: str  # logged buffer
     how: str  # instruction for the recording, for prompts and explanations
     activity: tuple[Activity, ...] = ()  # activities during the recording; any if empty
-    # True if about the held object; else about the surface touched, or about the moving held object
-    # or gripper.
+    # True if about the held object; else about the surface touched, or about the moving held object or gripper.
     holding: bool = False
     # Part of the context that makes recordings different, grasp or place; None if all are alike.
     distinct: Literal["grasp", "place"] | None = None
