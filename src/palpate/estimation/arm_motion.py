@@ -365,9 +365,10 @@ from 2.5 to 7 Hz; at 10 Hz, near the resonance of a soft loop, the hand's std is
 CORNERS = (0.1, 0.3, 1.0, 3.0)
 """Hz. Corner frequencies below which the residual is stronger. Sensitive: hand 0.2 σ, std ×0.8–1.0; others at most
 1.1 σ, std ×0.8–1.2."""
-WHITE_SHARES = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 10.0)
+WHITE_SHARES = (1e-4, 1e-3, 1e-2, 0.03, 0.1, 0.3, 1.0, 10.0, 100.0)
 """White part of the residual relative to its low-frequency part. Each joint weights all pairs of corner and share by
-likelihood. Sensitive: hand 0.2 σ, std ×1.0–1.1; others at most 1.4 σ, std ×0.8–1.3."""
+likelihood; the last one is nearly white. Sensitive: hand 0.2 σ, std ×1.0–1.1; others at most 1.4 σ, std ×0.8–1.3;
+mass std ×1.02 at `lab` without the last."""
 SMALLEST_RESIDUAL = 1e-3
 """N m of a frequency coefficient. Smallest residual, finer than any sensor. Sensitive: no."""
 

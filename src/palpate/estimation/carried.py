@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from palpate.common.parameter import Parameter
-from palpate.common.pose import Array, Pose, components, tensor_of
+from palpate.common.pose import Array, Pose, components
 from palpate.estimation.arm_dynamics import SURELY
 from palpate.estimation.arm_fit import (
     COMMON,
@@ -54,7 +54,15 @@ from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
 from palpate.estimation.regression import Cause, Posterior, PriorScale
-from palpate.estimation.rigid_bodies import PARAMETERS, linear, load_torques, of_box, pseudo_inertia
+from palpate.estimation.rigid_bodies import (
+    PARAMETERS,
+    inertia_about_centre,
+    jacobian,
+    linear,
+    load_torques,
+    of_box,
+    pseudo_inertia,
+)
 from palpate.estimation.sensed_load import (
     SensedLoad,
     fit_sensed_load,
@@ -342,7 +350,7 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
         return to_body.apply(value[1:4] / value[0])
 
     # Propagate the covariance, and mark the axes that the motion did not excite.
-    slopes = _slopes(centre, found.value)
+    slopes = jacobian(centre, found.value)
     stds = np.hypot(np.sqrt(np.diag(slopes @ found.covariance @ slopes.T)), found.kinematic_error)
     unseen = tuple(np.flatnonzero(stds > COM_BELIEVED).tolist())
     made = Estimate.normal(
@@ -375,14 +383,11 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
 
     def central(value: Array) -> Array:
-        """Inertia about the centre of mass (parallel axis theorem), in the object's axes."""
-        c = value[1:4] / value[0]
-        steiner = value[0] * (float(c @ c) * np.eye(3) - np.outer(c, c))
-        tensor = tensor_of(value[4:].tolist()) - steiner
-        return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
+        """Inertia about the centre of mass, in the object's axes."""
+        return np.array(components(pose.rotation.T @ inertia_about_centre(value) @ pose.rotation))
 
     # Propagate the covariance of the fit to the six components.
-    slopes = _slopes(central, found.value)
+    slopes = jacobian(central, found.value)
     stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
     pseudo = pseudo_inertia(theta)
     # The nearest body may be a sheet or a rod without thickness. MuJoCo would read that as no inertia.
@@ -518,12 +523,6 @@ def _sound(trace: Trace, found: CarriedLoad | SensedLoad, name: str) -> tuple[Fi
             "recording is of another arm (arm=NAME or a folder with its description).",
         ),
     )
-
-
-def _slopes(of: Callable[[Array], Array], value: Array) -> Array:
-    """Compute the (k, 10) Jacobian of a function of the parameters by central differences."""
-    steps = 1e-6 * np.eye(len(value))
-    return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
 
 
 def _seconds(found: CarriedLoad | SensedLoad) -> str:

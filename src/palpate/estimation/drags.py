@@ -8,7 +8,7 @@ away, and slides. `friction_fit` fits all drags together.
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -368,20 +368,13 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
             early = samples.t > samples.t[dragged.start] - STRAINING
             early &= load.loaded & low & (np.arange(len(samples)) >= ended)
             rows = slice(int(np.flatnonzero(early[: dragged.start + 1])[0]), dragged.stop)
-            # Subtract the inertial forces of the links and the object.
-            moved = inertial_force(samples, rows, observed, mass)
-            drag = _drag(samples, rows, step[:, :2], moved, hanging, ways, free)
             # Count the preceding rows in which the command already moves slowly.
             slowly = horizontal[rows.start : dragged.start] > SETS_OUT
             leading = (
                 len(slowly) if slowly.all() else len(slowly) - 1 - int(np.flatnonzero(~slowly)[-1])
             )
-            yield replace(
-                drag,
-                begins=dragged.start - leading - rows.start,
-                mass=mass,
-                unsure_mass=0.0 if observed.knows_links else HORIZONTAL_SPREAD,
-            )
+            begins = dragged.start - leading - rows.start
+            yield _drag(samples, rows, step[:, :2], observed, hanging, ways, free, begins, mass)
         ended = dragged.stop
 
 
@@ -419,10 +412,12 @@ def _drag(
     samples: Samples,
     rows: slice,
     step: Array,
-    moved: Array,
+    observed: WrenchObservation,
     hanging: Mask,
     ways: Array,
     free: Hanging,
+    begins: int,
+    mass: float,
 ) -> Drag:
     """Build the drag in `rows`, k of them.
 
@@ -430,11 +425,14 @@ def _drag(
         samples: of the whole trace.
         rows: of the drag.
         step: (m, 2) m/s, commanded horizontal velocity.
-        moved: (k, 3) N, inertial force.
         hanging: rows of the reference without support.
         ways: (m, 7) direction of the last motion of each joint.
         free: reference state.
+        begins: row of the drag at which the command starts to move.
+        mass: kg, of the object.
     """
+    # Inertial forces of the links and the object.
+    moved = inertial_force(samples, rows, observed, mass)
     # Direction of the drag, and the support's force: the change against free air without inertia.
     velocity = step[rows]
     way = velocity.sum(axis=0) / np.linalg.norm(velocity.sum(axis=0))
@@ -445,7 +443,7 @@ def _drag(
     breaks = np.flatnonzero(np.diff(samples.t[found]) > PAUSE) + 1
     still = [samples.wrench[part, :3] for part in np.split(found, breaks)]
     period = float(np.median(np.diff(samples.t)))
-    # Project all series on the direction of the drag; the caller sets start and mass.
+    # Project all series on the direction of the drag.
     return Drag(
         samples.t[rows],
         way,
@@ -461,9 +459,9 @@ def _drag(
         path=joint_travel(samples)[rows],
         cruising=commanded > CRUISE * float(np.median(commanded)),
         moving=samples.twist[rows, :2] @ way > FOLLOWING * commanded,
-        begins=0,
-        mass=0.0,
-        unsure_mass=0.0,
+        begins=begins,
+        mass=mass,
+        unsure_mass=0.0 if observed.knows_links else HORIZONTAL_SPREAD,
         quiet=(
             noise_density([part[:, :2] @ way for part in still], period),
             noise_density([part[:, 2] for part in still], period),

@@ -149,12 +149,12 @@ def whitened_model(
     """Build the linear model of rows `y` (n,) in units of the noise."""
     design = noise.white(np.concatenate([cause.columns for cause in causes], axis=1))
     prior = np.concatenate([cause.prior for cause in causes])
-    # Translate the names in the hyperpriors into columns of the design.
+    # Unknowns of each hyperprior.
     places, every = place_unknowns(causes), np.arange(len(prior), dtype=np.intp)
-    hyperpriors: list[ScaleHyperprior] = []
+    hyperpriors: list[tuple[NDArray[np.intp], PriorScale]] = []
     for scale in scales:
         which = np.concatenate([every[places[name]] for name in scale.causes])
-        hyperpriors.append(ScaleHyperprior(which, scale.factors, scale.chance))
+        hyperpriors.append((which, scale))
     return LinearModel(design, noise.white(y), prior, noise.freedom, tuple(hyperpriors))
 
 
@@ -319,7 +319,7 @@ class _Reduced:
         # Split the unknowns by whether they have a hyperprior.
         every = np.arange(len(model.prior), dtype=np.intp)
         chosen = np.isin(
-            every, np.concatenate([every[:0], *(h.columns for h in model.hyperpriors)])
+            every, np.concatenate([every[:0], *(which for which, _ in model.hyperpriors)])
         )
         scaled, others = every[chosen], every[~chosen]
         # Normal equations, and the Schur complement of the others.
@@ -372,16 +372,6 @@ class _Reduced:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScaleHyperprior:
-    """Discrete hyperprior of the scale of some coefficients."""
-
-    columns: NDArray[np.intp]  # indices of the coefficients
-    # Possible scales of their prior deviations, a number for all or an array.
-    factors: Sequence[float | Array]
-    chance: Sequence[float]  # prior probability of each factor
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class LinearModel:
     """Linear model y = design · x + n in rows of unit variance."""
 
@@ -389,7 +379,9 @@ class LinearModel:
     y: Array  # (n,)
     prior: Array  # (p,) prior deviations of the coefficients x
     freedom: float  # degrees of freedom of the noise variance
-    hyperpriors: tuple[ScaleHyperprior, ...]  # of the scales of some coefficients
+    hyperpriors: tuple[
+        tuple[NDArray[np.intp], PriorScale], ...
+    ]  # indices of coefficients, and scale
 
     def solve(self, first: int | None = None) -> tuple[Array, Array, Array, float]:
         """Compute the posterior, averaged over the hyperpriors.
@@ -430,8 +422,8 @@ class LinearModel:
     def _every(self, reduced: _Reduced) -> Sequence[_Solved]:
         """Solve for each combination of the hyperpriors' factors."""
         place = np.searchsorted(reduced.scaled, np.arange(len(self.prior)))
-        columns = [place[each.columns] for each in self.hyperpriors]
-        choices = product(*(range(len(each.factors)) for each in self.hyperpriors))
+        columns = [place[which] for which, _ in self.hyperpriors]
+        choices = product(*(range(len(scale.factors)) for _, scale in self.hyperpriors))
         return [self._solve(choice, columns, reduced) for choice in choices]
 
     def _solve(
@@ -444,7 +436,7 @@ class LinearModel:
         """
         # Scale the prior deviations, and add the log prior probability of the choice.
         prior, chance = self.prior[reduced.scaled], reduced.evidence
-        for each, here, i in zip(self.hyperpriors, columns, choice, strict=True):
+        for (_, each), here, i in zip(self.hyperpriors, columns, choice, strict=True):
             prior[here] *= each.factors[i]
             chance += float(np.log(each.chance[i]))
         information = _Information.of(prior, reduced.gram)
@@ -483,10 +475,9 @@ class LinearModel:
     def extend(self, columns: Array, prior: float | Array) -> LinearModel:
         """Add the coefficients of `columns` before the own ones."""
         count = columns.shape[1]
-        hyperpriors = [replace(each, columns=each.columns + count) for each in self.hyperpriors]
         return replace(
             self,
             design=np.concatenate([columns, self.design], axis=1),
             prior=np.concatenate([np.broadcast_to(prior, count), self.prior]),
-            hyperpriors=tuple(hyperpriors),
+            hyperpriors=tuple((which + count, scale) for which, scale in self.hyperpriors),
         )

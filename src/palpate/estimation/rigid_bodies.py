@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -157,6 +157,12 @@ def inertia_about_centre(found: Array) -> Array:
     centre = found[1:4] / found[0]
     away = centre @ centre * np.eye(3) - np.outer(centre, centre)
     return tensor_of(found[4:].tolist()) - found[0] * away
+
+
+def jacobian(of: Callable[[Array], Array], value: Array) -> Array:
+    """Compute the (k, 10) derivatives of a function of the parameters by central differences."""
+    steps = 1e-6 * np.eye(len(value))
+    return np.column_stack([(of(value + step) - of(value - step)) / 2e-6 for step in steps])
 
 
 def in_axes(axes: Array) -> Array:

@@ -33,6 +33,7 @@ from palpate.estimation.quantities.quantity import (
 from palpate.estimation.rigid_bodies import (
     MASS,
     about_centre,
+    jacobian,
     linear,
     move_inertia,
     of_box,
@@ -168,10 +169,8 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         )
     numbers, covariance, test = fit_rigid_body(swung, still, trace.gravity, body)
     theta = numbers[INERTIAL]
-    # Jacobian (6, 10) of the inertia about the centre of mass by central differences, for its covariance.
-    steps = 1e-6 * np.eye(10)
-    columns = [(about_centre(theta + d) - about_centre(theta - d)) / (2.0 * 1e-6) for d in steps]
-    slopes = np.stack(columns, axis=1)
+    # Covariance of the inertia about the centre of mass.
+    slopes = jacobian(about_centre, theta)
     value, std = about_centre(theta), np.sqrt(np.diag(slopes @ covariance @ slopes.T))
     # Compare with the prior of an object that was weighed but not swung: mass errors alone are no lack of excitation.
     believed = prior_std(body)[INERTIAL]
