@@ -15,7 +15,9 @@ from palpate.estimation.arm_motion import (
     REPEAT,
     EqualMotions,
     JointMotion,
+    ResidualSpectrum,
     equal_motions,
+    frequencies,
     uniform_runs,
 )
 from palpate.trace.recording import ArmLog
@@ -92,3 +94,13 @@ def test_zeros_that_drift_between_the_motions_are_in_the_interval(
     np.savez(file, **{**recording, "tau": recording["tau"] + drifted})
     (low, high), *_ = pp.estimate(file, [WINDOW])["load.mass"].intervals
     assert low < MASS < high
+
+
+def test_the_spectrum_of_a_white_residual_is_white():
+    """On average over 200 residuals, the slowest coefficients are stated less than a fifth too large."""
+    random, frequency = np.random.default_rng(0), frequencies(120, 2400, 0.005)
+    spectrum = ResidualSpectrum(frequency, is_difference=True)
+    slowest = [
+        spectrum.std(random.standard_normal(120), np.zeros(120))[:5].mean() for _ in range(200)
+    ]
+    assert 1.0 < np.mean(slowest) < 1.19
