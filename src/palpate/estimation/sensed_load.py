@@ -547,7 +547,7 @@ def _same_zero(found: SensedLoad, mass: float) -> tuple[FitTest, ...]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class SensedGrasps:
-    """Load in n grasps by the sensor alone, in the form of `load_whole.WholeLoad`."""
+    """Load in n grasps by the sensor alone, in the form of `load_fit.WholeLoad`."""
 
     # (1 + 3n,) weight, N, and in each grasp the first moment of the weight about the TCP along the axes of the hand,
     # N m.
