@@ -19,7 +19,7 @@ from palpate.common.parameter import Parameter
 from palpate.common.pose import components
 from palpate.estimation.estimate import Estimate
 from palpate.robots.owner import load_description
-from palpate.runs.load_data import FORMATS
+from palpate.runs.export import FORMATS
 
 from ..estimation.logs.test_wrench import COM, INERTIA, MASS, estimate, record
 

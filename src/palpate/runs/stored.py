@@ -149,7 +149,7 @@ class Run(InnerRun):
             InputError: there is no such format or load, or its mass or centre of mass is not
                 identified.
         """
-        from palpate.runs.load_data import write_load_data
+        from palpate.runs.export import write_load_data
 
         return write_load_data(self, to, object)
 
