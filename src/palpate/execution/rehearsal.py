@@ -50,8 +50,9 @@ LONGEST = 600.0
 # durations of motions of one kind vary by less than this factor.
 LONGER = 1.5
 ALIKE = 5  # Least number of motions of a kind for a prediction of its duration
-# s of rest before the run, which its time excludes: an object that moves now is not at rest.
+# s before the run, at most, in which the objects come to rest. One that moves by itself is not at rest.
 QUIET = 2.0
+SETTLING = 0.2  # s between two tests if the objects are at rest
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,7 +190,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsa
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
     _scale_grip(robot.world.model, grip)
     witness, look = Witness.of(robot.world), WorldComparison(robot.world)
-    named, pace = named_objects(plan, scene), TimePrediction(plan, QUIET)
+    named = named_objects(plan, scene)
 
     def settle_state(path: str, blackboard: Blackboard) -> SymbolicState:
         pace.note_end(path, blackboard.robot.state.t)
@@ -197,11 +198,12 @@ def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsa
 
     try:
         # The world must be at rest before the arm moves.
-        robot.advance(QUIET)
+        _settle(robot, QUIET)
         robot.drain()
         if (moved := first_harm(witness)) is not None:
             # Drawn values with which the scene is not at rest are not the true ones.
             return _attempt_in_unrest(moved[1] if seed == 0 else None)
+        pace = TimePrediction(plan, robot.world.t)
         done = run(
             plan,
             scene,
@@ -211,7 +213,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsa
             noiseless=True,
             settled=settle_state,
         )
-        robot.advance(AFTERWARDS)
+        _settle(robot, AFTERWARDS)
     finally:
         robot.close()
     # The earliest harm counts before the reason of a stop.
@@ -233,6 +235,14 @@ def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsa
     return Rehearsal(
         done.actions, done.robot_seconds, peak, failure, path=path, foresight=look.foresight
     )
+
+
+def _settle(robot: MujocoRobot, seconds: float) -> None:
+    """Let at most `seconds` s pass, until all bodies but the arm are at rest."""
+    end = robot.world.t + seconds
+    robot.advance(SETTLING)
+    while not robot.world.is_settled and robot.world.t < end:
+        robot.advance(SETTLING)
 
 
 def _scale_grip(model: mujoco.MjModel, factor: float) -> None:
@@ -280,7 +290,7 @@ def _at(done: Execution, t: float, text: str) -> tuple[str, str]:
     if not leaves:
         return "tree", text
     leaf = leaves[-1]
-    when = f" after {t - QUIET:.1f} s" if np.isfinite(t) else ""
+    when = f" after {t - leaves[0].start:.1f} s" if np.isfinite(t) else ""
     said = text if text.startswith(leaf.label) else f"{text}{when}, in {leaf.label}"
     return leaf.node, said
 

@@ -59,14 +59,16 @@ def wrenches(jacobian: Array, torque: Array) -> Array:
     return out
 
 
-def explain_torque(jacobian: Array, torque: Array) -> tuple[float, float]:
+def explain_torque(
+    jacobian: Array, torque: Array, to_force: Array | None = None
+) -> tuple[float, float]:
     """Split external joint torques (7,), N m, by the force at the TCP that explains most of them.
 
     The force is f = (J_v^T)^+ tau, with the upper rows J_v of `jacobian` (6, 7), world axes. Return the norm
     of the remainder tau - J_v^T f, N m, and the norm of f, N. A force on a link leaves a large remainder: it
-    turns no joint beyond that link.
+    turns no joint beyond that link. `to_force` (3, 7) is `force_of(jacobian)`, where it is known.
     """
-    force = force_of(jacobian) @ torque
+    force = (force_of(jacobian) if to_force is None else to_force) @ torque
     left = torque - jacobian[:3].T @ force
     return math.sqrt(left @ left), math.sqrt(force @ force)
 

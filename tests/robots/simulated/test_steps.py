@@ -78,3 +78,18 @@ def test_steps_are_finer_while_anything_touches() -> None:
 def test_steps_are_finer_while_something_falls() -> None:
     robot = arm(BALL)
     assert set(stepped(robot, 15)) == {0.5}
+
+
+def test_a_world_is_settled_when_nothing_but_the_arm_moves() -> None:
+    box = '<body pos="0.5 0.6 {z}"><freejoint/><geom type="box" size=".03 .03 .03" mass="0.1"/></body>'
+    floor = '<geom type="plane" size="2 2 .1"/>'
+    robot = arm(floor + box.format(z=0.25))
+    robot.advance(0.1)
+    assert not robot.world.is_settled
+    robot.advance(1.0)
+    assert robot.world.is_settled
+    lying = robot.world.qpos
+    robot.move_joints(ARM.home + 0.1)
+    robot.advance(1.0)
+    assert robot.world.is_settled
+    assert np.abs(robot.world.qpos - lying)[:7].max() == 0.0

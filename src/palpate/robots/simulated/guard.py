@@ -115,7 +115,8 @@ class Guard:
         # explains.
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
         self._jacobian, self._mass_matrix, self._dampers = jacobian, mass_matrix, dampers
-        self._to_rest = np.eye(7) - force_of(jacobian).T @ jacobian[:3]
+        self._to_force = force_of(jacobian)
+        self._to_rest = np.eye(7) - self._to_force.T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
         # Usual force and torques are low-pass filters of those at the end of each run.

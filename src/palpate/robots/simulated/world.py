@@ -179,7 +179,12 @@ class World:
 
     def _is_free(self) -> bool:
         """Test if only the arm moves and nothing touches: one physics step a cycle then suffices."""
-        return takes_many(self.watch) and self._data.ncon == 0 and self._data.ntree_awake <= 1
+        return takes_many(self.watch) and self._data.ncon == 0 and self.is_settled
+
+    @property
+    def is_settled(self) -> bool:
+        """Test if no body but the arm moves, until something touches one."""
+        return self._data.ntree_awake <= 1
 
     def _pace(self, substeps: int) -> None:
         """Set the number of physics steps in a control cycle."""
