@@ -283,6 +283,12 @@ def _finite(number: str) -> float:
     return value
 
 
+FORM = (
+    'a node is {"type": "MovePose", "pose": "cup_pose"}, or {"type": "Sequence", "children": [...]}'
+)
+"""Form of a node, for messages."""
+
+
 def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     """Read a node and its children within a depth limit and a shared node budget."""
     budget[0] -= 1  # shared by all nodes of the tree
@@ -293,7 +299,7 @@ def _node(value: object, path: str, depth: int, budget: list[int]) -> Node:
     fields = _mapping(value, path)
     # Every node has a type and optionally a name.
     if "type" not in fields:
-        _fail(path, f"needs the field 'type'; it has {_list_fields(fields)}")
+        _fail(path, f"needs the field 'type'; it has {_list_fields(fields)}; {FORM}")
     type = _text(fields["type"], f"{path}.type")
     name = _text(fields.get("name", ""), f"{path}.name")
     # All fields other than type, name and children are arguments.

@@ -105,7 +105,8 @@ def read_proposal(text: bytes) -> Proposal:
         parse_plan(text)  # raises with the invalid byte
         raise
     except InputError:
-        if b"{" not in text or text.lstrip().startswith((b"{", b"[")):
+        whole = text.lstrip().startswith((b"{", b"[")) and b'"nodes"' not in text
+        if b"{" not in text or whole:
             parse_plan(text)  # without prose, its error is clearer
         raise
 

@@ -49,6 +49,7 @@ _APART = re.compile(
     _STRING
     + "|"
     + _SINGLE
+    + r"|[{,]\s*[A-Za-z_]\w*\s*:"  # a key without quotes
     + r"|//[^\n]*|/\*.*?\*/|\b(?:None|True|False)\b|[\u00a0\u200b\u2028\ufeff]",
     re.DOTALL,
 )
@@ -248,6 +249,8 @@ def repair_json(text: str) -> str:
     def replace_match(match: re.Match[str]) -> str:
         # Strings are kept; only other tokens are removed or translated.
         token = match[0]
+        if token[0] in "{,":
+            return f'{token[0]}"{token[1:-1].strip()}":'
         if token[0] == "'":
             token = to_double_quotes(token)
         if token[0] != '"':

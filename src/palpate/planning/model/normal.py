@@ -167,19 +167,32 @@ def grown(
 
 MAX_DIGITS = 9
 """Maximum number of digits of an integer written as text."""
-TREE = ("root", "behavior_tree", "behaviour_tree")
+TREE = ("root", "behavior_tree", "behaviour_tree", "behaviortree", "behaviourtree", "bt")
 """Synonyms of the field `tree`; `root` may also wrap a plan or a tree."""
-TYPE = ("action", "primitive")
+PARAMETERS = ("phi", "φ")
+"""Synonyms of the field `parameters`."""
+OBJECT, QUANTITY = ("body", "obj"), ("parameter", "property")
+"""Synonyms of a parameter's `object` and `quantity`."""
+TYPE = ("action", "primitive", "node_type", "kind", "class")
 """Synonyms of a node's `type`."""
 CHILDREN = ("nodes", "steps")
 """Synonyms of a node's `children`."""
-BOXES = ("args", "arguments", "params", "parameters")
+BOXES = ("args", "arguments", "params", "parameters", "attributes", "inputs")
 """Fields that wrap a node's arguments, which belong on the same level as its `type`."""
 TOO_DEEP = f"the JSON is nested deeper than {MAX_NESTING} brackets; flatten the tree"
 
-_PLAN_FIELDS = {"outcome", "parameters", "explanation", "tree", "nodes", "scene", *TREE}
+_PLAN_FIELDS = {
+    "outcome",
+    "parameters",
+    "explanation",
+    "tree",
+    "nodes",
+    "scene",
+    *TREE,
+    *PARAMETERS,
+}
 _NODE_FIELDS = {"type", "children", "name", "id", *TYPE, *CHILDREN}
-_FIELDS = {*_PLAN_FIELDS, *_NODE_FIELDS, "object", "quantity", "again"}
+_FIELDS = {*_PLAN_FIELDS, *_NODE_FIELDS, "object", "quantity", "again", *OBJECT, *QUANTITY}
 """Field names, which are recognised in any case."""
 _ROOTS = ("root", "behaviortree")
 """Types of nodes around a tree, without separators."""
@@ -215,6 +228,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
     found = lower_keys(document)
     if "nodes" not in found:
         rename(found, "tree", TREE)
+    rename(found, "parameters", PARAMETERS)
     if "parameters" in found:
         found["parameters"] = normalized_parameters(found["parameters"])
     if isinstance(found.get("outcome"), str):
@@ -226,7 +240,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         if "tree" not in found and listed and not is_flat(listed):
             found["tree"] = found.pop("nodes")
         else:
-            found["nodes"] = [normalized_flat_node(node) for node in listed]
+            found["nodes"] = numbered([normalized_flat_node(node) for node in listed])
     if "tree" in found:
         found["tree"] = normalized_tree(from_text(found["tree"]))
     return found
@@ -271,15 +285,21 @@ def normalized_parameters(value: object) -> object:
 
 def normalized_parameter(item: object) -> object:
     """Return a parameter as an object; `"cup.mass"` is split and a unit removed."""
-    # The short form `object.quantity`.
+    # The short form `object.quantity`, which may be the only field.
+    if isinstance(item, dict) and len(fields := cast("dict[str, object]", item)) == 1:
+        (alone,) = fields.values()
+        item = alone if isinstance(alone, str) and "." in alone else fields
     if isinstance(item, str) and item.count(".") == 1:
         body, quantity = item.split(".")
         item = {"object": body.strip(), "quantity": quantity.strip()}
     if not isinstance(item, dict):
         return item
     fields = lower_keys(cast("dict[str, Any]", item))
-    if isinstance(fields.get("quantity"), str):
-        fields["quantity"] = without_unit(fields["quantity"])
+    rename(fields, "object", OBJECT)
+    rename(fields, "quantity", QUANTITY)
+    if isinstance(quantity := fields.get("quantity"), str):
+        quantity = quantity.lower() if quantity.lower() in catalogue() else quantity
+        fields["quantity"] = without_unit(quantity)
     return fields
 
 
@@ -315,19 +335,79 @@ def normalized_tree(value: object) -> object:
         return normalized_tree({"type": "Sequence", "children": listed})
     if not isinstance(value, dict):
         return value
+    value = spelled_out(cast("dict[str, Any]", value))
     node = normalized_node(cast("dict[str, Any]", value))
     children: object = node.get("children")
     # Remove a root field or a root node with one child.
     if set(node) <= {"root", "name"} and "root" in node:
         return normalized_tree(node["root"])
     if isinstance(children, list):
-        node["children"] = [normalized_tree(each) for each in cast("list[object]", children)]
+        node["children"] = [
+            normalized_tree(spelled_out(each)) for each in cast("list[object]", children)
+        ]
         if plain(node.get("type")) in _ROOTS and len(node["children"]) == 1:
             return node["children"][0]
     # Ids belong to the flat form and have no meaning in a tree.
     if "id" not in fields_of(node.get("type")):
         node.pop("id", None)
     return node
+
+
+_CALL = re.compile(r"\s*([A-Za-z_]\w{0,40})\s*(?:\((.{0,2000})\)\s*)?", re.DOTALL)
+_ARGUMENT = re.compile(r"""(?:(\w{1,40})\s*[=:]\s*)?('[^']*'|"[^"]*"|[^,'"]+)(?:,\s*|$)""")
+
+
+def spelled_out(value: object) -> object:
+    """Return a node with its type in a field.
+
+    A node may be a call, `MovePose(pose="cup_pose")`, or have its type as its only key:
+    `{"sequence": [...]}`, `{"MovePose": {"pose": "cup_pose"}}`, `{"MovePose": "cup_pose"}`.
+    """
+    if isinstance(value, str) and (call := _CALL.fullmatch(value)):
+        texts = _ARGUMENT.findall(call[2] or "")
+        return _node(call[1], [(name, text.strip(" '\"")) for name, text in texts], value)
+    if not isinstance(value, dict) or len(fields := cast("dict[str, Any]", value)) != 1:
+        return cast("object", value)
+    ((key, held),) = fields.items()
+    if isinstance(held, list) and plain(key) in types():
+        return {"type": key, "children": cast("list[object]", held)}
+    if isinstance(held, dict):
+        return _node(key, list(cast("dict[str, object]", held).items()), fields)
+    alone: list[tuple[str, object]] = (
+        [] if held in (None, "", True) else [("", cast("object", held))]
+    )
+    return _node(key, alone, fields)
+
+
+def _node(name: str, given: Sequence[tuple[str, object]], value: object) -> object:
+    """Return a node of a declared type; arguments without a name are in order."""
+    type = types().get(plain(name))
+    own = list(fields_of(type))
+    if type is None or len(given) > max(len(own), 2):
+        return value
+    free = [field for field in own if field not in dict(given)]
+    named = {key or (free.pop(0) if free else "?"): each for key, each in given}
+    return {"type": type, **named}
+
+
+def numbered(nodes: Sequence[object]) -> list[object]:
+    """Return flat nodes with whole numbers as ids; a `parent` replaces missing `children`."""
+    known = [cast("dict[str, Any]", node) for node in nodes if isinstance(node, dict)]
+    ids = [node.get("id") for node in known]
+    if len(known) != len(nodes) or not all(isinstance(id, int | str) for id in ids):
+        return list(nodes)
+    places = {id: id if isinstance(id, int) else at for at, id in enumerate(ids)}
+    if len(places) != len(ids) or len({isinstance(id, int) for id in ids}) > 1:
+        return list(nodes)
+    found: list[object] = []
+    for node in known:
+        below = children_of(node)
+        if not any("children" in one for one in known):
+            below = [one["id"] for one in known if one.get("parent") == node["id"]]
+        rest = {key: each for key, each in node.items() if key != "parent"}
+        below = [places.get(one, one) if isinstance(one, int | str) else one for one in below]
+        found.append({**rest, "id": places[node["id"]], "children": below})
+    return found
 
 
 def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
@@ -337,10 +417,14 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     """
     node = lower_keys(value)
     rename(node, "type", TYPE)
-    own = fields_of(node.get("type"))
+    if "type" not in node and plain(node.get("name")) in types():
+        node["type"] = node.pop("name")
+    own = fields_of(types().get(plain(node.get("type"))))
     # Move wrapped arguments to the level of the type, unless names collide.
     for box in BOXES:
         held: object = node.get(box)
+        if isinstance(held, list) and box not in own and len(cast("list[Any]", held)) <= len(own):
+            held = dict(zip(own, cast("list[Any]", held), strict=False))
         if isinstance(held, dict) and box not in own:
             inner = lower_keys(cast("dict[str, Any]", held))
             if not inner.keys() & node.keys():
