@@ -287,7 +287,7 @@ UNEVEN_FRICTION = 0.1
 Chosen, without a source. Sensitive: hand 0.2 σ, std ×1.0–1.0; others at most 1.2 σ, std ×0.6–1.9."""
 UNEVEN_TURNS = (1, 2, 4, 8)
 """Periods a turn of a friction that varies with the angle. On a real FR3 the first two alone leave 12.3 g in place of
-8.3 g (rms) of a load that is not there. Not sensitive on simulated arms."""
+8.4 g (rms) of a load that is not there. Not sensitive on simulated arms."""
 LOADED_FRICTION = 3e-3
 """N m of friction per N m of joint load (1 sigma). Chosen, without a source. Sensitive: hand 0 σ, std ×1.0–1.0; others
 at most 0.5 σ, std ×0.8–1.2."""

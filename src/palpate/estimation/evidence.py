@@ -121,8 +121,8 @@ def remove_spoiled(trace: Trace) -> Trace:
 
 AROUND = 20.0
 """s before and after an object was in the hand. It is longer than the time around it from which an estimate takes the
-empty hand's motions (`estimation.load_blocks.WHOLE_AROUND`). The rms of z over 30 masses is .54; from all of their
-runs it is .59. Sensitive: mass std."""
+empty hand's motions (`estimation.load_blocks.WHOLE_AROUND`). Sensitive: rms z of 30 masses
+0.54, from all of their runs 0.59."""
 
 
 class Recorded(Protocol):
