@@ -121,15 +121,18 @@ def doctor(
     ] = None,
 ) -> None:
     """Check what is available on this machine, at a real robot, or at a model's server."""
-    from palpate.cli.doctor import examine, examine_planner, examine_robot
+    from palpate.cli.doctor import examine, print_checks
+    from palpate.runs.tools import examine_planner, examine_real_robot
 
     asked = settings_of(**given)
+    model = asked.model_settings
     if planner is not None:
-        raise typer.Exit(examine_planner(planner, asked.model_settings))
+        checks = examine_planner(planner, model.base_url, model.budget.seconds)
+        raise typer.Exit(print_checks(checks))
     if asked.robot is None:
         raise typer.Exit(examine())
 
     def may_hold() -> bool:
         return yes or typer.confirm("Let the arm hold itself for 5 s, to count cycles?", err=True)
 
-    raise typer.Exit(examine_robot(asked, may_hold))
+    raise typer.Exit(print_checks(examine_real_robot(asked, may_hold)))

@@ -85,8 +85,9 @@ def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> 
     """Run with a live view on stderr, print the result, and exit with its status."""
     from palpate.cli import show_run as show
     from palpate.cli.show_arms import confirm_seen
-    from palpate.runs.api import run_settings
+    from palpate.runs import pipeline
     from palpate.runs.callbacks import RunCallbacks, ignore, refuse
+    from palpate.runs.stored import run_of
 
     with interrupts() as signals, signals.defer(), show.live_page(live) as page:
         # Questions go to the page if there is one, else to the terminal.
@@ -107,7 +108,7 @@ def carry_out(asked: Settings, as_json: bool, live: bool, yes: bool = False) -> 
                 planned=planned,
                 looked=confirm_seen(ask=asked.robot is not None and not yes),
             )
-            done = run_settings(asked, callbacks)
+            done = run_of(pipeline.run(asked, callbacks))
         status = show.show_result(done, as_json, values.shown)
         if page and not signals.count:
             show.play_again(page, done, signals)

@@ -80,9 +80,11 @@ def plan(
 ) -> None:
     """Plan without execution: parameters, tree, explanation."""
     from palpate.cli.show_plan import show_plan
-    from palpate.runs.api import plan_settings
+    from palpate.runs import pipeline
+    from palpate.runs.api import plan_of
 
-    found = plan_settings(settings_of(**one_scene(scene, given), **model))
+    asked = settings_of(**one_scene(scene, given), **model).check_values()
+    found = plan_of(pipeline.plan(asked, pipeline.load(asked)))
     show_plan(found, as_json, out)
     raise typer.Exit(0 if found.satisfied or found.made.ready else 3)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import platform
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -15,8 +15,7 @@ from palpate.cli.console import out
 from palpate.common.version import __version__
 
 if TYPE_CHECKING:
-    from palpate.planning.model.settings import ModelSettings
-    from palpate.runs.settings import Settings
+    pass
 
 
 # Required distributions.
@@ -77,24 +76,7 @@ def examine() -> int:
     return 0 if all(line.good for line in core) else 5
 
 
-def examine_robot(asked: Settings, may_hold: Callable[[], bool]) -> int:
-    """Print a line for each requirement of a real robot. Return 0 if all are met, else 5."""
-    from palpate.runs.tools import examine_real_robot
-
-    return _print_checks(examine_real_robot(asked, may_hold))
-
-
-def examine_planner(planner: str, model: ModelSettings) -> int:
-    """Print a line for each requirement of a planner. Return 0 if all are met, else 5.
-
-    The planner's server is asked for its models and for a word.
-    """
-    from palpate.runs.tools import examined_planner
-
-    return _print_checks(examined_planner(planner, model.base_url, model.budget.seconds))
-
-
-def _print_checks(lines: Iterable[tuple[bool, str, str]]) -> int:
+def print_checks(lines: Iterable[tuple[bool, str, str]]) -> int:
     """Print the lines as they arrive. Return 0 if all are good, else 5."""
     well = True
     for good, what, detail in lines:

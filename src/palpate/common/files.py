@@ -105,15 +105,21 @@ def _unreadable(path: Path, error: OSError | ValueError) -> InputError:
 # Writing of new files: existing files stay unchanged.
 
 
+@contextmanager
+def writing(path: Path, remedy: str = "") -> Generator[None]:
+    """Convert errors of the disk inside the block. Raises InputError: `path` cannot be written."""
+    try:
+        yield
+    except OSError as error:
+        raise InputError(f"cannot write '{path}': {error.strerror}{remedy}") from error
+
+
 def write_new(path: Path, content: str | bytes) -> None:
     """Write a new file; text as UTF-8. Raises InputError: it exists, or cannot be written."""
-    try:
-        with path.open("xb") as file:
-            file.write(content.encode() if isinstance(content, str) else content)
-    except FileExistsError:
-        raise InputError(f"'{path}' exists already: choose another file") from None
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from None
+    if path.exists():
+        raise InputError(f"'{path}' exists already: choose another file")
+    with writing(path), path.open("xb") as file:
+        file.write(content.encode() if isinstance(content, str) else content)
 
 
 # YAML of users: plain values of bounded size, and schemas whose errors use the file's own keys.

@@ -12,6 +12,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.common.errors import InputError
+from palpate.common.files import writing
 from palpate.common.pose import Array, Pose
 from palpate.perception.detection import CORNERS, MODULES, QUIET, TAGS, tag_pixels
 from palpate.scene.scene import Scene
@@ -113,10 +114,8 @@ def write_sheet(path: Path, numbers: Sequence[int], side: float) -> int:
     rows = int((PAPER[1] - 2 * EDGE - 3 * LINE + GAP) / (cell + GAP + LINE))
     each = columns * rows
     pages = [_page(numbers[i : i + each], side, columns) for i in range(0, len(numbers), each)]
-    try:
+    with writing(path):
         pages[0].save(path, "PDF", resolution=DPI, save_all=True, append_images=pages[1:])
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from None
     return len(pages)
 
 

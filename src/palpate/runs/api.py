@@ -22,7 +22,7 @@ from palpate.planning.planner import Planner
 from palpate.robots.noise_levels import DEFAULT_LEVEL
 from palpate.robots.owner import DEFAULT, own_arm
 from palpate.runs import pipeline
-from palpate.runs.callbacks import SILENT, Confirm, Progress, RunCallbacks, allow, ignore
+from palpate.runs.callbacks import Confirm, Progress, RunCallbacks, allow, ignore
 from palpate.runs.run import Run as InnerRun
 from palpate.runs.settings import Settings, settings_of
 from palpate.runs.stored import (
@@ -383,25 +383,3 @@ def run(
 def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
     """Select the options that are arguments of a verb."""
     return {name: options[name] for name in signature(verb).parameters if name in options}
-
-
-def plan_settings(settings: Settings) -> Plan:
-    """Make the plan that the settings of the command line describe.
-
-    Raises:
-        InputError: bad input.
-        Unavailable: the provider.
-    """
-    settings = settings.check_values()
-    return plan_of(pipeline.plan(settings, pipeline.load(settings)))
-
-
-def run_settings(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
-    """Carry out the run that the settings of the command line describe, into a run folder.
-
-    Raises:
-        InputError: bad input; nothing is planned then.
-        Unavailable: planner or robot out of reach.
-        ExecutionAborted: a real robot was not allowed to move.
-    """
-    return run_of(pipeline.run(settings, callbacks))

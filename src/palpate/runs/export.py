@@ -17,6 +17,7 @@ from pydantic import TypeAdapter
 from palpate.common.display import to_json
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.extensions import Registry
+from palpate.common.files import writing
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Array, Pose, tensor_of
 from palpate.common.version import __version__
@@ -24,7 +25,7 @@ from palpate.estimation.carried import HAND
 from palpate.estimation.estimate import Estimate, round_to_std
 from palpate.estimation.holds import pose_in_hand
 from palpate.runs.folder import new_folder, read_json, write_json
-from palpate.runs.proof import Proof, prove
+from palpate.runs.proof import Proof
 from palpate.runs.result import parameter_json
 from palpate.runs.run import Run
 from palpate.trace.recording import Recording
@@ -48,13 +49,14 @@ def export_run(run: Run, to: str, folder: Path | None = None, check: bool = Fals
     if run.finished is None:
         raise InputError("this run has no twin to export: nothing was measured")
     folder = folder or (run.folder or Path()) / f"export-{chosen}"
-    try:
-        with new_folder(folder) as made, tempfile.TemporaryDirectory() as scratch:
-            export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch), check)
-            export = replace(export, file=folder / export.file.relative_to(made))
-            write_json(made / "export.json", export_json(run, export))
-    except OSError as error:
-        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+    with (
+        writing(folder),
+        new_folder(folder) as made,
+        tempfile.TemporaryDirectory() as scratch,
+    ):
+        export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch), check)
+        export = replace(export, file=folder / export.file.relative_to(made))
+        write_json(made / "export.json", export_json(run, export))
     return export
 
 
@@ -81,16 +83,6 @@ def _row_of(export: Export, estimate: Estimate) -> dict[str, Any]:
 # Proof of a run's twin, kept as `proof.json` in the run folder.
 
 PROOF = "proof.json"  # File of a proof in a run folder
-
-
-def prove_run(run: Run) -> Proof:
-    """Plan tasks with the run's prior and twin, and carry them out in its truth, else in draws.
-    Raises InputError: the run has no twin, its scene's file is missing, or nothing was measured."""
-    if run.finished is None:
-        raise InputError("this run has no twin to prove: nothing was measured")
-    if not run.scene.bodies:
-        raise InputError("the scene's file is gone, so that the prior is not known any more")
-    return prove(run.scene, run.estimates, run.truth, run.settings.seed)
 
 
 def proof_json(proof: Proof) -> dict[str, Any]:

@@ -19,7 +19,7 @@ import numpy as np
 
 from palpate.common.display import json_text
 from palpate.common.errors import InputError
-from palpate.common.files import read_text, yaml_text
+from palpate.common.files import read_text, writing, yaml_text
 from palpate.common.redaction import redact, redact_document
 from palpate.primitives.registry import vocabulary
 from palpate.runs.reproduce import POSES
@@ -28,6 +28,7 @@ from palpate.runs.run import TRACE, Run
 from palpate.runs.shown import trace_messages
 from palpate.trace.mcap import write_mcap
 
+ANOTHER = "; choose another out="  # Remedy for a folder that cannot be written
 MAX_JSON = 20_000_000  # Maximum size of a JSON file of a run, bytes
 
 _HOST = f"{zlib.crc32(platform.node().encode()):08x}"
@@ -48,25 +49,21 @@ def check_writable(path: Path) -> None:
     _check_free(path)
     # Write a file into the nearest existing parent.
     there = next(parent for parent in path.absolute().parents if parent.exists())
-    try:
+    with writing(path, ANOTHER):
         trial = _scratch(there, path.name)
         try:
             (trial / "trial").write_bytes(b"trial")
         finally:
             shutil.rmtree(trial, ignore_errors=True)
-    except OSError as error:
-        raise _unwritable(path, error) from error
 
 
 def growing_folder(path: Path) -> None:
     """Make the folder of a run that begins. Raises InputError: it exists or cannot be made."""
     _check_free(path)
-    try:
+    with writing(path, ANOTHER):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent)
         path.mkdir()
-    except OSError as error:
-        raise _unwritable(path, error) from error
 
 
 @contextmanager
@@ -81,12 +78,10 @@ def new_folder(path: Path) -> Generator[Path]:
     """
     _check_free(path)
     # Make the scratch folder in the same parent, so that the rename is atomic.
-    try:
+    with writing(path, ANOTHER):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent)
         scratch = _scratch(path.parent, path.name)
-    except OSError as error:
-        raise _unwritable(path, error) from error
     try:
         yield scratch
     except BaseException:
@@ -130,10 +125,6 @@ def replacing(path: Path) -> Generator[Path]:
 def _check_free(path: Path) -> None:
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another out=, nothing is overwritten")
-
-
-def _unwritable(path: Path, error: OSError) -> InputError:
-    return InputError(f"cannot write '{path}': {error.strerror}; choose another out=")
 
 
 def _scratch(parent: Path, name: str) -> Path:

@@ -12,6 +12,7 @@ import numpy as np
 
 from palpate.common.display import table, text_table, to_json
 from palpate.common.errors import InputError
+from palpate.common.files import writing
 from palpate.common.parameter import Parameter
 from palpate.common.version import __version__
 from palpate.estimation.estimate import COLUMNS, Estimate, Estimates, not_identified
@@ -55,13 +56,10 @@ class Fusion(Estimates):
             InputError: the folder exists or cannot be made.
         """
         folder = Path(folder)
-        try:
-            with new_folder(folder) as scratch:
-                for name, text in self.twin.packed(scratch).items():
-                    write_text(scratch / name, text)
-                write_json(scratch / "result.json", fusion_json(self, folder))
-        except OSError as error:
-            raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+        with writing(folder), new_folder(folder) as scratch:
+            for name, text in self.twin.packed(scratch).items():
+                write_text(scratch / name, text)
+            write_json(scratch / "result.json", fusion_json(self, folder))
         return replace(self, folder=folder)
 
     def __str__(self) -> str:

@@ -13,6 +13,7 @@ from palpate.common.errors import ExecutionAborted, InputError
 from palpate.common.parameter import Parameter, PlanRejected
 from palpate.common.pose import Pose
 from palpate.execution.cell import Cell
+from palpate.execution.cell_drivers import drivers
 from palpate.planning.check.check import check
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Plan, UnmeasuredParameters
@@ -24,7 +25,7 @@ from palpate.primitives.rules.collision_geometry import require_room
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
-from palpate.runs.workplace import connect_cell, pictures_of
+from palpate.runs.workplace import pictures_of
 from palpate.scene.camera import load_image
 from palpate.scene.load import parse_scene
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
@@ -38,7 +39,7 @@ if TYPE_CHECKING:
 def preflight(settings: Settings) -> None:
     """Require that the robot of the settings answers, before a plan is made for it."""
     if settings.robot is not None:
-        connect_cell(settings, None)
+        drivers().connect(settings.robot, None)
 
 
 def load(settings: Settings) -> Scene | None:

@@ -277,17 +277,12 @@ def _twin(
     # The stored remarks and the validation stay as they are.
     xml = read_text(file)
     unwritten = [Parameter(name) for name in document.get("unwritten", ())]
-    marks = _validation(document["validation"])
+    marks = document["validation"]
+    if marks is not None:
+        twin, template = (
+            ReplayResidual(row["force_N"], row["position_m"], row["note"])
+            for row in (marks["residual_twin"], marks["residual_template"])
+        )
+        marks = Validation(marks["settled"], marks["drift_m"], twin, template)
     with _naming(file):
         return read_twin(xml, scene, estimates, document["notes"], marks, unwritten)
-
-
-def _validation(marks: dict[str, Any] | None) -> Validation | None:
-    if marks is None:
-        return None
-    twin, template = marks["residual_twin"], marks["residual_template"]
-    return Validation(marks["settled"], marks["drift_m"], _residual(twin), _residual(template))
-
-
-def _residual(document: dict[str, Any]) -> ReplayResidual:
-    return ReplayResidual(document["force_N"], document["position_m"], document["note"])

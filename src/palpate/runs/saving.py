@@ -8,7 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from palpate.common.errors import InputError
+from palpate.common.files import writing
 from palpate.common.processes import Beside
 from palpate.execution.cell import Cell
 from palpate.runs.building import Given
@@ -21,7 +21,6 @@ from palpate.runs.workplace import footage_of
 
 if TYPE_CHECKING:
     from palpate.perception.film import Reel, Shot
-    from palpate.runs.proof import Proof
     from palpate.runs.report.writing import Darkroom
 
 
@@ -98,26 +97,11 @@ def save(made: Run, folder: Path | None = None) -> Run:
     from palpate.runs.report.writing import write_all
 
     folder = folder or folder_for(made.settings)
-    try:
-        with new_folder(folder) as scratch:
-            write_json(scratch / "request.json", request_json(made.settings))
-            write_files(made, scratch, folder)
-            shortfalls = write_all(with_views(made), scratch, place=folder)
-    except OSError as error:
-        raise InputError(f"cannot write '{folder}': {error.strerror}") from error
+    with writing(folder), new_folder(folder) as scratch:
+        write_json(scratch / "request.json", request_json(made.settings))
+        write_files(made, scratch, folder)
+        shortfalls = write_all(with_views(made), scratch, place=folder)
     return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
-
-
-def save_proof(made: Run, folder: Path, proof: Proof) -> Run:
-    """Write `proof.json` into the run's folder, and its report again. Raises InputError: the file
-    cannot be written."""
-    from palpate.runs.export import PROOF, proof_json
-
-    try:
-        write_json(folder / PROOF, proof_json(proof))
-    except OSError as error:
-        raise InputError(f"cannot write '{folder / PROOF}': {error.strerror}") from error
-    return write_report(made, folder)
 
 
 def reopen(folder: Path, made_again: bool = False) -> Run:

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, ParamSpec, TypeVar
 
 from palpate.common.display import table
-from palpate.common.errors import perhaps
+from palpate.common.errors import InputError, perhaps
+from palpate.common.files import writing
 from palpate.common.processes import single_threaded_blas
 from palpate.estimation.estimate import COLUMNS
 from palpate.planning.planner import Planner
@@ -19,9 +20,10 @@ from palpate.runs.answer import answer
 from palpate.runs.callbacks import Progress, RunCallbacks, ignore
 from palpate.runs.compare import Comparison, compare_runs
 from palpate.runs.estimating import reestimate
+from palpate.runs.folder import write_json
 from palpate.runs.fuse import Fusion, fuse_runs
 from palpate.runs.run import Run as InnerRun
-from palpate.runs.saving import reopen, save, save_proof
+from palpate.runs.saving import reopen, save, write_report
 
 if TYPE_CHECKING:
     from palpate.runs.proof import Proof
@@ -164,12 +166,19 @@ class Run(InnerRun):
         Raises:
             InputError: it has no twin, or no object was measured.
         """
-        from palpate.runs.export import prove_run
+        from palpate.runs.export import PROOF, proof_json
+        from palpate.runs.proof import prove
 
+        if self.finished is None:
+            raise InputError("this run has no twin to prove: nothing was measured")
+        if not self.scene.bodies:
+            raise InputError("the scene's file is gone, so that the prior is not known any more")
+        proof = prove(self.scene, self.estimates, self.truth, self.settings.seed)
         # A saved run keeps its proof and shows it in the report.
-        proof = prove_run(self)
         if self.folder is not None:
-            save_proof(self, self.folder, proof)
+            with writing(self.folder / PROOF):
+                write_json(self.folder / PROOF, proof_json(proof))
+            write_report(self, self.folder)
         return proof
 
     @property

@@ -10,8 +10,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from palpate.common.errors import InputError, Unavailable
-from palpate.common.files import read_text, write_new, yaml_text
-from palpate.estimation.quantities.catalogue import catalogue
+from palpate.common.files import read_text, write_new, writing, yaml_text
 from palpate.execution.btcpp import tree_nodes_model as tree_nodes_model
 from palpate.execution.cell import GuidedHand, Lesson
 from palpate.execution.cell_drivers import drivers
@@ -56,7 +55,7 @@ def examine_real_robot(
     return driver.examine(url, own_arm(asked.arm, False, asked.robot_config, real=True), may_hold)
 
 
-def examined_planner(
+def examine_planner(
     planner: str, base_url: str | None, seconds: float
 ) -> Iterator[tuple[bool, str, str]]:
     """Examine a planner, with results as of `examine_real_robot`.
@@ -124,10 +123,8 @@ def write_excitation(arm: str, path: Path) -> list[str]:
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another out=")
     found = excitation(load_description(arm))
-    try:
+    with writing(path):
         path.write_text(found.csv(), encoding="utf-8")
-    except OSError as error:
-        raise InputError(f"cannot write '{path}': {error.strerror}") from None
     return found.told(arm, str(path)).splitlines()
 
 
@@ -192,11 +189,6 @@ def paper_notation(node: Node, depth: int = 0) -> Iterator[str]:
         yield f"{indent}→ {node.type}({arguments})"
     for child in node.children:
         yield from paper_notation(child, depth + 1)
-
-
-def units() -> dict[str, str]:
-    """Unit of each quantity; `1` for dimensionless ones."""
-    return {quantity.id: quantity.unit for quantity in catalogue().values()}
 
 
 def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:

@@ -35,12 +35,6 @@ if TYPE_CHECKING:
 log = logging.getLogger(__name__)
 
 
-def connect_cell(settings: Settings, scene: Scene | None) -> Cell:
-    """Connect the cell of the real robot that the settings name."""
-    assert settings.robot is not None
-    return drivers().connect(settings.robot, scene)
-
-
 def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cell:
     """Make the cell that the settings name, for work in `scene`, which was perhaps `seen` in a picture."""
     from palpate.execution.simulated_cell import simulated_cell
@@ -49,7 +43,7 @@ def cell_for(settings: Settings, scene: Scene | None, seen: bool = False) -> Cel
     simulated = (noise_source(settings.noise), settings.seed) if settings.robot is None else None
     require_same(settings.described_arm().config, simulated)
     if settings.robot is not None:
-        return connect_cell(settings, scene)
+        return drivers().connect(settings.robot, scene)
     return simulated_cell(
         scene,
         settings.world,

@@ -21,7 +21,7 @@ from pydantic import TypeAdapter, ValidationError
 import palpate
 from palpate.common.display import json_text
 from palpate.common.errors import InputError, Unavailable
-from palpate.common.files import read_bytes
+from palpate.common.files import read_bytes, writing
 from palpate.common.processes import ignore_signals
 
 LARGEST = 1_000_000_000  # Bytes: size of the largest results file that is read
@@ -59,7 +59,7 @@ class Lines:
         """Append rows and wait until they are on the disk. Without rows, only create the file.
         Raises InputError: the file cannot be written."""
         lines = [json_text(strict_json(row)) + "\n" for row in rows]
-        try:
+        with writing(self.file):
             self.file.parent.mkdir(parents=True, exist_ok=True)
             with self.file.open("ab+") as file:
                 # Remove an incomplete last line, which a killed process has left.
@@ -72,8 +72,6 @@ class Lines:
                 file.write("".join(lines).encode())
                 file.flush()
                 os.fsync(file.fileno())
-        except OSError as error:
-            raise InputError(f"cannot write '{self.file}': {error.strerror}") from error
 
     def other(self) -> InputError:
         """Error for a file whose lines belong to another study."""

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, cast
 from palpate.common.display import visible
 from palpate.common.redaction import redact
 from palpate.common.version import __version__
+from palpate.primitives.registry import vocabulary
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs.answer import answer
 from palpate.runs.report import sections
@@ -272,7 +273,8 @@ def timeline_figure(run: Run) -> dict[str, Any]:
     if trace is None or not len(trace.samples):
         return {"figure": None, "plotly": ""}
     # 2 MB, only for pages that draw something.
-    figure = timeline(trace, windows(trace, run.estimates), sections.primitive_groups())
+    groups = {name: primitive.group for name, primitive in vocabulary().primitives.items()}
+    figure = timeline(trace, windows(trace, run.estimates), groups)
     return {"figure": figure, "plotly": plotly()[0]}
 
 

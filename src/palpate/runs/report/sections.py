@@ -253,11 +253,6 @@ class Branch:
     children: tuple[Branch, ...] = ()
 
 
-def primitive_groups() -> dict[str, str]:
-    """Group of each registered primitive."""
-    return {name: primitive.group for name, primitive in vocabulary().primitives.items()}
-
-
 def branches(plan: Plan, trace: Trace | None) -> Branch | None:
     """Make the plan's tree for the page, from its root."""
     if plan.tree is None:
