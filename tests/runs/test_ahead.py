@@ -17,8 +17,8 @@ import palpate as pp
 from palpate.common.processes import can_copy
 from palpate.common.pose import Pose
 from palpate.runs import estimating
-from palpate.trace import samples as trace_samples
-trace_samples.AROUND = 1.5  # s: the run is short
+from palpate.estimation import evidence
+evidence.AROUND = 1.5  # s: the run is short
 TEXT = '''<mujoco><worldbody>
   <site name="robot_base"/>
   <body name="desk" pos="0.4 0 -0.03"><geom type="box" size=".6 .6 .03"/></body>
