@@ -437,3 +437,9 @@ def test_the_system_prompt_and_the_plan_are_the_same_for_all_arms() -> None:
     assert len(hashes) >= 3
     assert set(hashes.values()) == {sha256(system_prompt(vocabulary()).encode()).hexdigest()}
     assert trees["fr3-ft"] == trees["fr3"]
+
+
+def test_numbers_of_arguments_have_their_range_and_default():
+    system = system_prompt(vocabulary())
+    assert "(5 to 45, default 35)" in system
+    assert "(0.01 to 1)" in system

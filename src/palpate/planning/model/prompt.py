@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from importlib import resources
 from math import atan2, degrees
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, get_args
+from typing import TYPE_CHECKING, Any, Literal, get_args
 
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.pose import Array, Pose
@@ -371,10 +371,24 @@ def primitive_entry(primitive: type[Primitive], style: Style) -> str:
     entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
     if primitive.reads and primitive.reads not in said:
         entry += f" Reads `{primitive.reads}`."
-    arguments = "; ".join(f"{name}: {field.description}" for name, field in fields.items())
+    schemas = primitive.model_json_schema().get("properties", {})
+    arguments = "; ".join(
+        f"{name}: {field.description}{argument_range(schemas[name])}"
+        for name, field in fields.items()
+    )
     if arguments:
         entry += f" {arguments[0].upper()}{arguments[1:]}."
     return entry
+
+
+def argument_range(schema: Mapping[str, Any]) -> str:
+    """Range and default of a number, as ` (5 to 45, default 35)`; empty for other arguments."""
+    numbers = [form for form in schema.get("anyOf", [schema]) if "maximum" in form]
+    if not numbers:
+        return ""
+    default = schema.get("default")
+    stated = f", default {default:g}" if default is not None else ""
+    return f" ({numbers[0]['minimum']:g} to {numbers[0]['maximum']:g}{stated})"
 
 
 _SUBJECTS = {
@@ -427,7 +441,8 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
         "# Robot",
         "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "
         f"{mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
-        f"{mm(hand.palm)} above the fingertips. At a grasp the open fingers take up {mm(beside)} to either "
+        f"{mm(hand.palm)} above the fingertips, which end {mm(arm.tip)} beyond that point. "
+        f"At a grasp the open fingers take up {mm(beside)} to either "
         f"side along y and {mm(hand.pad)} along x, above the palm the hand {mm(half_y)} and {mm(half_x)}: "
         "whatever else reaches in there blocks.",
         f"Payload {limits.payload:g} kg. The gripper's point stays, from the base, within "

@@ -255,12 +255,15 @@ def _with_remedy(
     if name in allowed.between:
         return Violation("collision", f"{met}; {_passing(before, name)}")
     if name in scene.objects:
-        return Violation("blocked", f"{met}; go around it, or {carry_away(name)}")
+        # Offer only what the poses of the scene permit.
+        away = f", or {carry_away(name)}" if f"{name}_temporary" in scene.symbols.usable else ""
+        return Violation("blocked", f"{met}; go around it{away}")
     if hit.part.kind != LOAD and name in scene.surfaces:
+        clear = f": '{name}_approach' is clear of it, and"
+        clear = clear if f"{name}_approach" in scene.symbols.usable else ";"
         return Violation(
             "collision",
-            f"{met}; stay above it: '{name}_approach' is clear of it, and MoveUntilContact touches it "
-            "where its height is requested",
+            f"{met}; stay above it{clear} MoveUntilContact touches it where its height is requested",
         )
     return Violation("collision", f"{met}; choose a higher pose, or go around it")
 
