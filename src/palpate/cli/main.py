@@ -8,7 +8,7 @@ import os
 import sys
 import threading
 from importlib import import_module
-from typing import Any, NoReturn
+from typing import Any, NoReturn, cast
 
 from palpate.common.processes import ending_signals, ignore_signals, interrupts
 
@@ -27,7 +27,7 @@ def main() -> None:
     gc.set_threshold(LITTER)
     with interrupts(ending_signals()) as signals, signals.defer():
         try:
-            _without_broken_opengl()
+            _choose_opengl()
             from palpate.cli.app import app
 
             status = app(standalone_mode=False)
@@ -73,10 +73,16 @@ def _inside_a_library(thread: threading.Thread) -> bool:
     return thread.is_alive()
 
 
-def _without_broken_opengl() -> None:
-    """Disable pictures if `MUJOCO_GL` names an OpenGL with which MuJoCo cannot be imported."""
+def _choose_opengl() -> None:
+    """Disable pictures if `MUJOCO_GL` names an OpenGL with which MuJoCo cannot be imported.
+
+    Without a choice, pictures on Linux use EGL or OSMesa. MuJoCo would import GLFW, which starts a
+    process of its own.
+    """
     chosen = os.environ.get("MUJOCO_GL", "").strip()
     if not chosen:
+        if sys.platform == "linux":
+            sys.modules.setdefault("glfw", cast("Any", None))  # a later import fails
         return
     try:
         import_module("mujoco")

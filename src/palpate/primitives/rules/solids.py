@@ -43,7 +43,7 @@ ORIGIN = Pose.of((0.0, 0.0, 0.0))
 FAR = 10.0  # m: upper bound of every distance asked for
 # m, largest position error of the TCP at which a configuration counts as reaching a pose.
 REACHED = 0.002
-CACHED_SCENES = 32
+CACHED_SCENES = 8
 RECENT_RESULTS = 16  # Largest number of large results that are kept
 CACHED_RESULTS = 20_000  # Largest number of cached results of one scene
 T = TypeVar("T")
