@@ -22,7 +22,7 @@ from palpate.runs.folder import write_trace
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
 from palpate.trace.mcap import read_mcap
-from palpate.trace.recording import LeafRun
+from palpate.trace.recording import LeafRun, WrenchSensor
 from palpate.trace.samples import Trace
 
 LAYOUT = Path(__file__).parents[2] / "docs" / "palpate.foxglove.json"
@@ -156,7 +156,12 @@ def test_every_topic_and_field_of_the_layout_is_in_a_trace(weighed: Trace, tmp_p
     poses, image = tmp_path / "poses.yaml", tmp_path / "desk.png"
     poses.write_text(POSES)
     Image.new("RGB", (320, 240)).save(image)
-    file = written(tmp_path, weighed.until(4.0), Settings(images=(image,), poses=poses))
+    # The layout also shows a wrist sensor, which the arm of this trace does not have.
+    part = weighed.until(4.0)
+    samples = replace(part.samples, wrench_sensor=np.zeros((len(part.samples.t), 6)))
+    hand = replace(part.hand, wrench_sensor=WrenchSensor("a test sensor"))
+    part = replace(part, samples=samples, hand=hand)
+    file = written(tmp_path, part, Settings(images=(image,), poses=poses))
     found = schemas(file)
     layout = json.loads(LAYOUT.read_text())
     panels = layout["configById"]
