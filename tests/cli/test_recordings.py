@@ -64,9 +64,10 @@ def test_load_data_are_printed_or_written(palpate: Palpate, tmp_path: Path) -> N
         (("--load-data", f"ur={file}"), "exists already"),
         (("--load-data", "ur", "--json"), "--load-data ur with --json needs a file"),
     ):
-        answer = palpate("estimate", log, *options)
+        answer = palpate("estimate", log, "-o", tmp_path / "run", *options)
         assert answer.status == 2
         assert said in " ".join(answer.err.split())
+        assert not (tmp_path / "run").exists()
 
 
 def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:

@@ -91,6 +91,7 @@ def estimate(
         return
     if source is None:
         raise InputError("give a run folder or a recording, or --how for what to record")
+    asked_for = [_load_format(one, as_json) for one in load_data or ()]
     # A run folder is estimated again; everything else is a recording.
     if (source / "result.json").exists():
         found = pp.open(source).estimate(dict(map(_estimator, estimator or ())))
@@ -110,7 +111,6 @@ def estimate(
         if out is not None:
             found = found.save(out)
     # Make all texts before the first file is written.
-    asked_for = [_load_format(one, as_json) for one in load_data or ()]
     written = [(found.load_data(to, name), file) for to, file in asked_for]
     for text, file in written:
         if file is not None:
@@ -132,11 +132,20 @@ def _estimator(text: str) -> tuple[str, str]:
 
 
 def _load_format(text: str, as_json: bool) -> tuple[str, Path | None]:
-    """Parse `FORMAT[=FILE]`. Raises InputError: no file where the output is JSON."""
-    to, _, file = text.partition("=")
+    """Parse `FORMAT[=FILE]`.
+
+    Raises:
+        InputError: an unknown format, a file that exists, or no file where the output is JSON.
+    """
+    from palpate.runs.export import FORMATS
+
+    to, _, file = (part.strip() for part in text.partition("="))
+    FORMATS.named(to)
     if as_json and not file:
         raise InputError(f"--load-data {to} with --json needs a file: --load-data {to}=FILE")
-    return to.strip(), Path(file) if file else None
+    if file and Path(file).exists():
+        raise InputError(f"'{file}' exists already: name another file for --load-data")
+    return to, Path(file) if file else None
 
 
 def _window(text: str) -> tuple[float, float]:
