@@ -41,7 +41,6 @@ class FingerLoad:
     # (6,) external wrench right before they closed, in the convention of `palpate.trace`.
     empty: Array
     width: float = 0.0  # m between the fingers as they closed on the object
-    gives: float = 0.0  # m by which the full force compressed it
     hanging: Array | None = None  # (6,) wrench at rest with the object hanging free; None before
     moment: float | None = None  # N m about the closing direction then
     doubt: Doubt = SURELY  # standard deviations of the moment
@@ -50,6 +49,7 @@ class FingerLoad:
     # N, upper bound of the weight by an estimate of the mass. With a folded arm, joint friction
     # biases the weight in `hanging` by newtons.
     heaviest: float = math.inf
+    gives: float = 0.0  # m by which the full force compressed it
 
     def after_drag(self, wrench: Array) -> FingerLoad:
         """Update the friction bound by the wrench (6,) while the object is dragged along its support."""

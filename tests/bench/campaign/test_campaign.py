@@ -76,7 +76,6 @@ def test_a_nasty_plan_is_refused_with_its_rule_or_judged() -> None:
         # The check sees two things beside each other; that they are joined, physics knows.
         ("one of a pair", "two moved by", "MovePose(one_pose + z_offset)"),
         ("weight at the far end", "ruler tipped", "MovePose(jar_pose + z_offset)"),
-        ("probes a pole from the side", "pole tipped", "MoveUntilContact(-x)"),
     ],
 )
 def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal(
@@ -87,6 +86,13 @@ def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal(
     assert (refused.outcome, refused.figures["rules"]) == ("refused", ["rehearsal"])
     assert harm in refused.said[0]
     assert leaf in refused.said[0]
+
+
+def test_a_probe_that_would_push_a_pole_away_is_refused_by_the_check() -> None:
+    (case,) = [case for case in nasty.PHYSICS if case.name == "probes a pole from the side"]
+    refused = judged(case, nasty.judge)
+    assert (refused.outcome, refused.figures["rules"]) == ("refused", ["precondition"])
+    assert "the probe would push 'pole' away" in refused.said[0]
 
 
 def test_sensible_plans_pass_the_check() -> None:
