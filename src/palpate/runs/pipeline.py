@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
-from palpate.common.processes import Beside, before_anything_moves, interrupts
+from palpate.common.processes import Beside, before_anything_moves, interrupts, release_memory
 from palpate.execution.cell import Cell
 from palpate.planning.planner import Planner
 from palpate.primitives.base import Recorder
@@ -109,6 +109,7 @@ def carry_out(
         Unavailable: the robot is out of reach.
         ExecutionAborted: not confirmed, or interrupted before anything moved.
     """
+    release_memory()  # of earlier runs in this process
     callbacks = callbacks.unfailing()
     if made.begun is None:
         made = replace(made, begun=time.perf_counter())
