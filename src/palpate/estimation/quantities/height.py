@@ -288,8 +288,8 @@ def height_method(found: Sequence[SurfaceTouch], plane: Plane, tip_std: float) -
     if tip_std < UNGAUGED or tip_std < plane.std:
         return f"{text}."
     return (
-        f"{text}. The arm's own height is known to ± {2e3 * tip_std:.0f} mm (95 %), as of one that nobody has "
-        "calibrated: touch something of known height (palpate calibrate --gauge)."
+        f"{text}. The arm's own height is known to ± {2e3 * tip_std:.0f} mm (95 %), because it is "
+        "not calibrated: touch something of known height (palpate calibrate --gauge)."
     )
 
 
