@@ -149,3 +149,17 @@ def test_inertia_of_a_recording_is_written(tmp_path: Path) -> None:
     assert abs(mass - MASS) < 0.015
     np.testing.assert_allclose(rest[:3], COM, atol=4e-3)
     np.testing.assert_allclose(rest[3:6], INERTIA[:3], atol=4e-4)
+
+
+@pytest.mark.parametrize("to", ["franka", "ur", "kuka", "ros"])
+def test_a_name_with_line_breaks_stays_in_its_comment(run: pp.Run, to: str) -> None:
+    """A scene's text may contain `name="cup&#10;halt()"`: a controller must not read its second line."""
+    name = "cup\nhalt()\u2028halt()"
+    renamed = [
+        replace(one, parameter=Parameter(name, one.parameter.quantity)) for one in run.estimates
+    ]
+    plain = run.load_data(to).splitlines()
+    lines = replace(run, estimates=tuple(renamed)).load_data(to).splitlines()
+    assert len(lines) == len(plain)
+    assert not [line for line in lines if line.startswith("halt")]
+    assert "cup halt() halt(): mass" in lines[0]

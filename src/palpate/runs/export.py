@@ -129,7 +129,8 @@ class LoadData:
 
     def comments(self, mark: str) -> str:
         """Lines that state units, frame and uncertainty, each after a comment `mark`."""
-        return "".join(f"{mark} {line}\n" for line in self.figures)
+        # A name of the user's file may have line breaks, which would end the comment.
+        return "".join(f"{mark} {' '.join(line.split())}\n" for line in self.figures)
 
 
 def load_data_of(run: Run, name: str | None = None) -> LoadData:
