@@ -138,13 +138,13 @@ class Plan(InnerPlan):
             fast=fast,
             out=out,
         ).check_values(at_hand=True)
-        made = replace(begun, settings=settings)
+        run = replace(begun, settings=settings)
         if robot is not None:
             pipeline.preflight(settings)
-            made = replace(made, scene=with_real_arm(made.scene))
+            run = replace(run, scene=with_real_arm(run.scene))
         callbacks = RunCallbacks(observer, progress, confirm)
         with single_threaded_blas():
-            return run_of(pipeline.carry_out(made, callbacks, cell, settings.out))
+            return run_of(pipeline.carry_out(run, callbacks, cell, settings.out))
 
     def _repr_html_(self) -> str:
         rows = [(line,) for line in str(self).splitlines()[1:]]
@@ -160,9 +160,9 @@ def hidden_world(
     return Path(world) if isinstance(world, str) else world
 
 
-def plan_of(made: InnerRun) -> Plan:
+def plan_of(run: InnerRun) -> Plan:
     """Make the public object of the plan of a run that begins."""
-    return Plan(**contents_of(made.plan, InnerPlan), begun=made)
+    return Plan(**contents_of(run.plan, InnerPlan), begun=run)
 
 
 # An incomplete scene, and the plan that completes it.
@@ -370,14 +370,14 @@ def run(
         pipeline.preflight(asked)
     # Read the world once: the camera may look at the world in which the robot then moves.
     of_run["world"] = hidden_world(options.get("world"), asked)
-    made = pipeline.prepare(
+    run = pipeline.prepare(
         asked,
         found,
         RunCallbacks(progress=options.get("progress", ignore)),
         None if isinstance(planner, str) else planner,
         of_run["world"],
     )
-    return plan_of(made).run(**of_run)
+    return plan_of(run).run(**of_run)
 
 
 def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:

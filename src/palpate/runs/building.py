@@ -200,36 +200,36 @@ def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
 # The digital twin, and its validation by executing the plan again in simulation.
 
 
-def build_twin(made: Run, callbacks: RunCallbacks = SILENT) -> Run:
+def build_twin(run: Run, callbacks: RunCallbacks = SILENT) -> Run:
     """Write the estimates into the scene's MJCF.
 
     A scene detected in a picture is taken from the symbolic state at the end of the execution.
     """
-    if made.trace_if_any is None:
-        return made
+    if run.trace_if_any is None:
+        return run
     callbacks.progress("building the twin")
-    scene = made.scene
-    if made.seen and made.final_state is not None:
-        scene = made.final_state.scene
-    written = estimates_to_write(made, made.estimates)
-    twin = build(scene, written, on_the_way=sizes_on_the_way(made, scene))
-    return replace(made, scene=scene, finished=twin)
+    scene = run.scene
+    if run.seen and run.final_state is not None:
+        scene = run.final_state.scene
+    written = estimates_to_write(run, run.estimates)
+    twin = build(scene, written, on_the_way=sizes_on_the_way(run, scene))
+    return replace(run, scene=scene, finished=twin)
 
 
-def estimates_to_write(made: Run, estimates: Sequence[Estimate]) -> list[Estimate]:
+def estimates_to_write(run: Run, estimates: Sequence[Estimate]) -> list[Estimate]:
     """Leave out what the scene states. A recording shows it, though nobody asked to measure it again."""
     found = {one.parameter: one for one in estimates}
-    is_asked = not made.is_recorded or made.settings.remeasure
-    return [found[one] for one in split_known(found, made.scene, is_asked)[1]]
+    is_asked = not run.is_recorded or run.settings.remeasure
+    return [found[one] for one in split_known(found, run.scene, is_asked)[1]]
 
 
-def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
+def sizes_on_the_way(run: Run, scene: Scene) -> list[Estimate]:
     """Estimate sizes that were not requested, from the grasps and touches of the run.
 
     The objects are those of `scene` whose sizes are from a picture or marked unsure.
     """
-    trace = made.trace_if_any
-    asked = {parameter.object for parameter in made.plan.parameters if parameter.quantity == "size"}
+    trace = run.trace_if_any
+    asked = {parameter.object for parameter in run.plan.parameters if parameter.quantity == "size"}
     if trace is None:
         return []
     # Objects with a measured size as a request need no second one.
@@ -238,19 +238,19 @@ def sizes_on_the_way(made: Run, scene: Scene) -> list[Estimate]:
     return [size for size in found if size is not None]
 
 
-def touched_beside(made: Run, cell: Cell) -> AbstractContextManager[Beside[Given] | None]:
+def touched_beside(run: Run, cell: Cell) -> AbstractContextManager[Beside[Given] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot.
 
     None if the twin will not be validated, or if a real robot needs the processor.
     """
-    if made.settings.fast or made.seen or not cell.simulated:
+    if run.settings.fast or run.seen or not cell.simulated:
         return nullcontext()
     # This execution depends on no estimate, so it need not wait for them.
-    return Beside(lambda: touched_as_given(made.plan, made.scene))
+    return Beside(lambda: touched_as_given(run.plan, run.scene))
 
 
 def touch_twin(
-    made: Run,
+    run: Run,
     planned_in: Scene,
     callbacks: RunCallbacks = SILENT,
     given: Beside[Given] | None = None,
@@ -259,22 +259,22 @@ def touch_twin(
 
     The planner knew the scene `planned_in`. `given` is the execution in it; else it is executed here.
     """
-    if made.finished is None:
-        return made
+    if run.finished is None:
+        return run
     callbacks.progress("validating the twin in simulation")
-    trace = made.trace_if_any
+    trace = run.trace_if_any
     if trace is None:
-        return made
+        return run
     # Cut the trace before the first leaf outside the plan: a repetition, or a recovery.
-    tree = made.plan.tree
+    tree = run.plan.tree
     nodes = {path for path, _ in tree.walk()} if tree is not None else set[str]()
     others = [leaf.start for leaf in trace.leaves if leaf.node not in nodes]
     trace = trace.until(min(others)) if others else trace
     # Execute the plan's part of the trace again.
-    again = replay_of(made.plan, planned_in, trace, made.estimates)
+    again = replay_of(run.plan, planned_in, trace, run.estimates)
     if again is None:
-        return made
+        return run
     # `given` executed the whole plan: it is comparable only if the robot did so as well.
-    whole = made.execution is not None and made.execution.status == "complete"
+    whole = run.execution is not None and run.execution.status == "complete"
     beside = (lambda: given.result().felt) if given is not None and whole else None
-    return replace(made, finished=touch(made.finished, made.scene, trace, again, beside))
+    return replace(run, finished=touch(run.finished, run.scene, trace, again, beside))

@@ -32,36 +32,36 @@ from palpate.trace.samples import Trace
 MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
 
 
-def estimate(made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
+def estimate(run: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
     """Return the run with its estimates, validated, and with the truth where `cell` knows it."""
-    for grown in estimates(made, cell, callbacks):
-        made = grown
-    return made
+    for grown in estimates(run, cell, callbacks):
+        run = grown
+    return run
 
 
 def estimates(
-    made: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT, ahead: Ahead | None = None
+    run: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT, ahead: Ahead | None = None
 ) -> Iterator[Run]:
     """Yield the run after every estimate, after their validation, and finally with the truth.
 
     `ahead` holds estimates that were made during the execution.
     """
     callbacks.progress("estimating")
-    trace = made.trace_if_any
+    trace = run.trace_if_any
     # Keep the trace, so that it is read from its file once and not for every estimate.
-    made = replace(made, estimates=(), held_out=None, recorded=trace)
+    run = replace(run, estimates=(), held_out=None, recorded=trace)
     # Use the surfaces and poses that the run measured.
-    scene = made.scene if trace is None else _as_felt(made, trace)
+    scene = run.scene if trace is None else _as_felt(run, trace)
     found: dict[Parameter, Estimate] = {}
 
     def make(later: Collection[str]) -> Iterator[Run]:
         """Make all estimates that do not exist yet, except those of the objects in `later`."""
-        wanted = [one for one in made.plan.parameters if one not in found]
+        wanted = [one for one in run.plan.parameters if one not in found]
         wanted = [one for one in wanted if one.object not in later]
-        for estimate in shared_out(partial(_estimate_parameter, made, scene), wanted):
+        for estimate in shared_out(partial(_estimate_parameter, run, scene), wanted):
             found[estimate.parameter] = estimate
-            every = [found[one] for one in made.plan.parameters if one in found]
-            yield replace(made, estimates=tuple(every))
+            every = [found[one] for one in run.plan.parameters if one in found]
+            yield replace(run, estimates=tuple(every))
 
     # Make the estimates of objects that no copy works on, then collect those of the copies.
     early: Mapping[str, Judged] = {}
@@ -71,19 +71,19 @@ def estimates(
         found |= {one.parameter: one for each in early.values() for one in each.estimates}
     yield from make(later=())
     # Judge the complete set, in the plan's order.
-    every = [found[one] for one in made.plan.parameters]
-    made = replace(made, estimates=(*every, *_estimates_without_value(made)))
+    every = [found[one] for one in run.plan.parameters]
+    run = replace(run, estimates=(*every, *_estimates_without_value(run)))
     callbacks.progress("validating the estimates on held-out motions")
-    made = _validate(made, scene, early={name: each.motion for name, each in early.items()})
-    yield made
+    run = _validate(run, scene, early={name: each.motion for name, each in early.items()})
+    yield run
     # Read the truth only after all estimates are final.
     if cell is not None:
-        yield replace(made, truth=truths(made, cell))
+        yield replace(run, truth=truths(run, cell))
 
 
-def _estimates_without_value(made: Run) -> Iterator[Estimate]:
+def _estimates_without_value(run: Run) -> Iterator[Estimate]:
     """Make estimates without a value for the requested parameters that the plan does not measure."""
-    for one in made.plan.unmeasured:
+    for one in run.plan.unmeasured:
         yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
 
 
@@ -97,16 +97,16 @@ class Judged:
     motion: HeldOutMotion | str | None
 
 
-def judge_object(made: Run, name: str) -> Judged | None:
+def judge_object(run: Run, name: str) -> Judged | None:
     """Estimate and judge an object by the run's trace.
 
     None on failure, so that the error occurs and is reported at the end.
     """
     try:
-        trace = made.trace
-        scene, evidence = _as_felt(made, trace), select_evidence(remove_spoiled(trace), name)
-        wanted = [one for one in made.plan.parameters if one.object == name]
-        found = tuple(_estimate_parameter(made, scene, one) for one in wanted)
+        trace = run.trace
+        scene, evidence = _as_felt(run, trace), select_evidence(remove_spoiled(trace), name)
+        wanted = [one for one in run.plan.parameters if one.object == name]
+        found = tuple(_estimate_parameter(run, scene, one) for one in wanted)
         lifted = any(held_still(evidence, name))
         motion = judge(scene, evidence, found, name, None) if lifted else None
         return Judged(_key(scene, evidence, name), found, motion)
@@ -136,27 +136,27 @@ def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
     return sha256(pickle.dumps((believed, evidence))).digest()
 
 
-def _as_felt(made: Run, trace: Trace) -> Scene:
+def _as_felt(run: Run, trace: Trace) -> Scene:
     """Correct the run's scene: surfaces as measured, objects at the poses found by touch."""
-    scene = scene_with_measurements(made.scene, trace)
-    for name, belief in made.beliefs.items():
+    scene = scene_with_measurements(run.scene, trace)
+    for name, belief in run.beliefs.items():
         if belief.is_moved and name in scene.bodies:
             scene = correct_body(scene, name, belief.placed @ belief.seen.inverse())
     return scene
 
 
-def _estimate_parameter(made: Run, scene: Scene, parameter: Parameter) -> Estimate:
+def _estimate_parameter(run: Run, scene: Scene, parameter: Parameter) -> Estimate:
     """Estimate a parameter, with the surfaces of `scene` as measured."""
-    trace = made.trace_if_any
+    trace = run.trace_if_any
     if trace is None:
         return failed_estimate(parameter, "Nothing was recorded.")
     try:
-        return _annotate(made, estimate_all([parameter], trace, scene.bodies)[0])
+        return _annotate(run, estimate_all([parameter], trace, scene.bodies)[0])
     except PalpateError as error:
         return failed_estimate(parameter, f"There is no estimator: {error}.")
 
 
-def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
+def reestimate(run: Run, choice: Mapping[str, str] | None = None) -> Run:
     """Make the estimates again from the stored trace.
 
     The result is in memory and has no twin. Nothing moves, and the run's folder stays unchanged.
@@ -166,58 +166,58 @@ def reestimate(made: Run, choice: Mapping[str, str] | None = None) -> Run:
         InputError: the run has no trace, another version recorded it, its scene's file is missing,
             or there is no such estimator.
     """
-    if made.folder is not None:
+    if run.folder is not None:
         from palpate.runs.read import require_own_version
 
-        require_own_version(made.folder)
-    trace = made.trace_if_any
+        require_own_version(run.folder)
+    trace = run.trace_if_any
     if trace is None:
-        where = "this run" if made.folder is None else f"'{made.folder}'"
+        where = "this run" if run.folder is None else f"'{run.folder}'"
         raise InputError(f"{where} has no trace to make estimates from: nothing was executed")
     # A run read from its folder has an empty scene if the scene's file is missing.
-    file = made.settings.scene
-    if file is not None and not made.scene.bodies:
+    file = run.settings.scene
+    if file is not None and not run.scene.bodies:
         raise InputError(
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
     # Repeat estimation and validation as the run did them.
-    scene = _as_felt(made, trace)
-    recorded = [one.parameter for one in made.estimates] if made.is_recorded else ()
-    found = estimate_all(recorded or made.plan.parameters, trace, scene.bodies, choice or {})
+    scene = _as_felt(run, trace)
+    recorded = [one.parameter for one in run.estimates] if run.is_recorded else ()
+    found = estimate_all(recorded or run.plan.parameters, trace, scene.bodies, choice or {})
     annotated = (
-        *(_annotate(made, estimate) for estimate in found),
-        *_estimates_without_value(made),
+        *(_annotate(run, estimate) for estimate in found),
+        *_estimates_without_value(run),
     )
-    again = replace(made, recorded=trace, estimates=annotated, held_out=None, finished=None)
+    again = replace(run, recorded=trace, estimates=annotated, held_out=None, finished=None)
     return _validate(again, scene, choice)
 
 
-def with_views(made: Run) -> Run:
+def with_views(run: Run) -> Run:
     """Add the data of the fits to the estimates of a run that was read from its folder.
 
     A folder does not hold these data: the estimates are made again from the trace. An estimate with
     a different value gets none. Without a trace or a scene, no estimate gets any.
     """
-    trace = made.trace_if_any
-    has_views = any(one.views for one in made.estimates)
-    if trace is None or not made.scene.bodies or has_views:
-        return made
+    trace = run.trace_if_any
+    has_views = any(one.views for one in run.estimates)
+    if trace is None or not run.scene.bodies or has_views:
+        return run
     with suppress(PalpateError):
         # Attach the views only to equal values.
-        wanted = [one.parameter for one in made.estimates]
-        found = estimate_all(wanted, trace, _as_felt(made, trace).bodies)
+        wanted = [one.parameter for one in run.estimates]
+        found = estimate_all(wanted, trace, _as_felt(run, trace).bodies)
         same = [
             replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
-            for one, again in zip(made.estimates, found, strict=True)
+            for one, again in zip(run.estimates, found, strict=True)
         ]
-        return replace(made, recorded=trace, estimates=tuple(same))
-    return made
+        return replace(run, recorded=trace, estimates=tuple(same))
+    return run
 
 
-def _annotate(made: Run, estimate: Estimate) -> Estimate:
+def _annotate(run: Run, estimate: Estimate) -> Estimate:
     """Note in the estimate's method an interval wider than requested, and a truth drawn from priors."""
-    estimate = made.settings.within.told(estimate)
-    if not made.drawn:
+    estimate = run.settings.within.told(estimate)
+    if not run.drawn:
         return estimate
     # The twin quotes only the method's text, so this text must state that the truth was drawn from
     # priors.
@@ -225,7 +225,7 @@ def _annotate(made: Run, estimate: Estimate) -> Estimate:
 
 
 def _validate(
-    made: Run,
+    run: Run,
     scene: Scene,
     choice: Mapping[str, str] | None = None,
     early: Mapping[str, HeldOutMotion | str | None] | None = None,
@@ -234,17 +234,17 @@ def _validate(
 
     `scene` has measured surfaces, `choice` estimators by quantity, `early` motions that were judged before.
     """
-    trace = made.trace_if_any
+    trace = run.trace_if_any
     if trace is None:
-        return made
+        return run
     try:
-        held = held_out(scene, trace, made.estimates, choice, early)
+        held = held_out(scene, trace, run.estimates, choice, early)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
-        return replace(made, held_out=HeldOut((), (reason,)))
+        return replace(run, held_out=HeldOut((), (reason,)))
     if held is None:
-        return made
-    return replace(made, held_out=held, estimates=with_tests(made.estimates, held))
+        return run
+    return replace(run, held_out=held, estimates=with_tests(run.estimates, held))
 
 
 # Estimates of finished objects, made while the arm handles the next one.
@@ -257,12 +257,12 @@ class Ahead:
     (`Judged.key`).
     """
 
-    def __init__(self, made: Run, beside: Beside[Given] | None) -> None:
+    def __init__(self, run: Run, beside: Beside[Given] | None) -> None:
         """Begin without estimates of the run; `beside` is a copy that already runs."""
-        self._made, self._beside = made, beside
+        self._made, self._beside = run, beside
         # Only objects are estimated ahead, each once.
-        of_objects = (one.object for one in made.plan.parameters)
-        self._due = [name for name in dict.fromkeys(of_objects) if name in made.scene.objects]
+        of_objects = (one.object for one in run.plan.parameters)
+        self._due = [name for name in dict.fromkeys(of_objects) if name in run.scene.objects]
         self._copies: dict[str, Beside[Judged | None]] = {}
         self._leaves = 0
 
@@ -311,10 +311,10 @@ class Ahead:
 
 
 def ahead_of(
-    made: Run, cell: Cell, beside: Beside[Given] | None
+    run: Run, cell: Cell, beside: Beside[Given] | None
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 
     `beside` is a copy that already runs.
     """
-    return closing(Ahead(made, beside)) if cell.simulated else nullcontext()
+    return closing(Ahead(run, beside)) if cell.simulated else nullcontext()

@@ -107,9 +107,9 @@ def watch_state(settled: Settled, see: See | None) -> Settled:
     return settled if see is None else CameraWatch(settled, see)
 
 
-def eye(made: Run, cell: Cell) -> See | None:
+def eye(run: Run, cell: Cell) -> See | None:
     """Make the looks of the settings' camera; None without one, and of a file, which shows nothing new."""
-    settings, source = made.settings, made.settings.camera
+    settings, source = run.settings, run.settings.camera
     if source is None:
         return None
     from palpate.perception.cameras import PICTURES, VIDEOS, Stream
@@ -120,7 +120,7 @@ def eye(made: Run, cell: Cell) -> See | None:
     estimator = settings.pose_estimator
     # A real camera streams from here on; every look takes its latest picture.
     if source.startswith(WORLD_CAMERA):
-        take = _simulated_pictures(source.removeprefix(WORLD_CAMERA), made, cell)
+        take = _simulated_pictures(source.removeprefix(WORLD_CAMERA), run, cell)
     else:
         stream = Stream(source, settings.intrinsics, estimator is not None)
 
@@ -131,17 +131,17 @@ def eye(made: Run, cell: Cell) -> See | None:
         lens, mount, picture, depth = take()
         # The arm may hide everything that identifies a pose.
         with suppress(InputError):
-            return look(made.scene, [picture], lens, mount, estimator, None, depth)
+            return look(run.scene, [picture], lens, mount, estimator, None, depth)
         return None
 
     return see
 
 
-def _simulated_pictures(name: str, made: Run, cell: Cell) -> Callable[[], Shot]:
+def _simulated_pictures(name: str, run: Run, cell: Cell) -> Callable[[], Shot]:
     """Make the pictures of a camera in the simulated world, arm included."""
     from palpate.perception.rendered import SimulatedCamera
 
-    settings, cameras = made.settings, list[SimulatedCamera]()
+    settings, cameras = run.settings, list[SimulatedCamera]()
 
     def take() -> Shot:
         # Render the picture from the latest state of the simulation.
@@ -170,30 +170,30 @@ log = logging.getLogger(__name__)
 
 
 def execute(
-    made: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
+    run: Run, cell: Cell, callbacks: RunCallbacks = SILENT, keep: Keep | None = None
 ) -> Run:
     """Execute the plan on the cell's robot. `keep` writes samples to disk meanwhile."""
     # Connect camera and robot before the first motion.
-    see = eye(made, cell)
+    see = eye(run, cell)
     robot, before = robot_of(cell, callbacks.may_resume)
     callbacks.progress(f"executing on the {'simulated' if cell.simulated else 'real'} robot")
     done = perform(
-        made.plan,
-        made.scene,
+        run.plan,
+        run.scene,
         robot,
         callbacks,
-        made.settings.on_failure,
-        within=made.settings.within,
+        run.settings.on_failure,
+        within=run.settings.within,
         keep=keep,
         real=not cell.simulated,
-        settled=keep_state if made.rehearsal is None else made.rehearsal.foresight.settled,
+        settled=keep_state if run.rehearsal is None else run.rehearsal.foresight.settled,
         see=see,
-        is_rehearsed=made.rehearsal is not None,
+        is_rehearsed=run.rehearsal is not None,
     )
     # Keep everything that later stages need, and the earlier setbacks.
     ending = Ending.of(done)
     return replace(
-        made,
+        run,
         world=cell.description,
         simulated=cell.simulated,
         execution=replace(ending, setbacks=(*before, *ending.setbacks)),
@@ -288,10 +288,10 @@ def perform(
             log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
 
 
-def cut_off(made: Run) -> Run:
+def cut_off(run: Run) -> Run:
     """End the execution of a run whose process was killed, with the trace recorded so far."""
     try:
-        trace = made.trace_if_any
+        trace = run.trace_if_any
     except InputError:  # the file was cut off too early to be read
         trace = None
     # Estimate the figures of the execution from the trace.
@@ -300,7 +300,7 @@ def cut_off(made: Run) -> Run:
     if trace is not None and len(trace.samples):
         seconds = float(trace.t[-1] - trace.t[0])
     # All actions of the plan succeeded: the execution was complete.
-    ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == made.plan.actions
+    ended_well = sum(leaf.status == "SUCCESS" for leaf in leaves) == run.plan.actions
     ending = Ending(
         "complete" if ended_well else "stopped",
         stopped_by=None if ended_well else "the process ended while the plan was executed",
@@ -308,7 +308,7 @@ def cut_off(made: Run) -> Run:
         robot_seconds=seconds,
         wall_seconds=0.0,
     )
-    return replace(made, execution=ending, recorded=trace)
+    return replace(run, execution=ending, recorded=trace)
 
 
 def _is_harmless(plan: Plan, scene: Scene, say: Callable[[str], None]) -> bool:

@@ -63,8 +63,8 @@ def run(settings: Settings, callbacks: RunCallbacks = SILENT) -> Run:
     check_writable(folder)
     with before_anything_moves("planning"):
         preflight(settings)
-        made = prepare(settings, load(settings), callbacks)
-    return carry_out(replace(made, begun=began), callbacks, folder=folder)
+        run = prepare(settings, load(settings), callbacks)
+    return carry_out(replace(run, begun=began), callbacks, folder=folder)
 
 
 def prepare(
@@ -86,14 +86,14 @@ def prepare(
     """
     scene, seen = look(settings, scene, callbacks, world)
     callbacks.progress("planning")
-    made = plan(settings, scene, planner)
-    if made.plan.proposal and callbacks.may_measure(made):
-        made = plan(settings.having(measure=made.plan.proposal), scene)
-    return require_seen(made, seen)
+    run = plan(settings, scene, planner)
+    if run.plan.proposal and callbacks.may_measure(run):
+        run = plan(settings.having(measure=run.plan.proposal), scene)
+    return require_seen(run, seen)
 
 
 def carry_out(
-    made: Run,
+    run: Run,
     callbacks: RunCallbacks = SILENT,
     cell: Cell | None = None,
     folder: Path | None = None,
@@ -111,33 +111,33 @@ def carry_out(
     """
     release_memory()  # of earlier runs in this process
     callbacks = callbacks.unfailing()
-    if made.begun is None:
-        made = replace(made, begun=time.perf_counter())
+    if run.begun is None:
+        run = replace(run, begun=time.perf_counter())
     # Rehearse and confirm: an error or a signal here leaves nothing behind.
     with interrupts() as signals:
         with before_anything_moves("rehearsing"):
-            made = rehearse(made, callbacks, cell)
-            confirm(made, callbacks, cell)
-            if not made.ready:
+            run = rehearse(run, callbacks, cell)
+            confirm(run, callbacks, cell)
+            if not run.ready:
                 # A refusal leaves no folder, unless it was named or keeps a dialogue with a model.
-                asked = made.settings.out is not None or made.conversation is not None
-                is_kept = folder is not None and (asked or made.plan.satisfied)
-                return save(made, folder) if is_kept else made
-            cell = cell or _cell_of(made)
+                asked = run.settings.out is not None or run.conversation is not None
+                is_kept = folder is not None and (asked or run.plan.satisfied)
+                return save(run, folder) if is_kept else run
+            cell = cell or _cell_of(run)
         # Execute. Replay in the given scene, estimates and film are computed meanwhile.
-        made = replace(made, world=cell.description, simulated=cell.simulated)
+        run = replace(run, world=cell.description, simulated=cell.simulated)
         keeper = Keeper(folder, signals)
-        made = keeper.begin(made, request_json(made.settings))
+        run = keeper.begin(run, request_json(run.settings))
         with (
-            touched_beside(made, cell) as given,
-            ahead_of(made, cell, given) as ahead,
-            film_while_moving(made, cell, given) as reel,
+            touched_beside(run, cell) as given,
+            ahead_of(run, cell, given) as ahead,
+            film_while_moving(run, cell, given) as reel,
         ):
             steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
-            made = keeper.carry_out_execution(steps.execution, made)
+            run = keeper.carry_out_execution(steps.execution, run)
             # Evaluate: estimates, twin and report.
-            with render_in_background(made, reel) as darkroom:
-                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).carry_out_all(made)
+            with render_in_background(run, reel) as darkroom:
+                return _Steps(keeper, callbacks, cell, ahead, darkroom, given).carry_out_all(run)
 
 
 def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -> Run:
@@ -149,23 +149,23 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
         InputError: there is no such folder, or it is not a run's.
     """
     with interrupts() as signals:
-        made, keeper = taken_up(folder), Keeper(folder, signals)
+        run, keeper = taken_up(folder), Keeper(folder, signals)
         # The process ended during the execution: write the trace up to then.
-        if made.stage == "executing":
-            keeper.trace(made)
-            made = replace(made, stage="estimating")
+        if run.stage == "executing":
+            keeper.trace(run)
+            run = replace(run, stage="estimating")
         # Nothing can be made again without the trace: keep the stored values and the report.
         try:
-            _ = made.trace_if_any
+            _ = run.trace_if_any
         except InputError as error:
             keeper.note_damage(TRACE, error)
-            return keeper.with_shortfalls(made)
+            return keeper.with_shortfalls(run)
         if film:
-            made = with_footage(made)
-        return _Steps(keeper, callbacks.unfailing()).carry_out_all(made)
+            run = with_footage(run)
+        return _Steps(keeper, callbacks.unfailing()).carry_out_all(run)
 
 
-def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
+def measure(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
     """Execute a checked plan and estimate in memory.
 
     The run takes place in `cell`, else in the cell that the settings name. A plan with findings, or
@@ -174,11 +174,11 @@ def measure(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
     Raises:
         Interrupted: a signal came; the arm has stopped.
     """
-    if not made.ready:
-        return made
+    if not run.ready:
+        return run
     with interrupts() as signals, signals.raised():
-        cell = cell or _cell_of(made)
-        return estimate(execute(made, cell, callbacks), cell, callbacks)
+        cell = cell or _cell_of(run)
+        return estimate(execute(run, cell, callbacks), cell, callbacks)
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +193,7 @@ class _Steps:
     given: Beside[Given] | None = None  # execution in the scene before the measurement, in progress
     reel: Reel | None = None  # film that is being rendered
 
-    def carry_out_all(self, made: Run) -> Run:
+    def carry_out_all(self, run: Run) -> Run:
         """Carry out all stages after the execution, from the one that is due. A signal ends them."""
         # Stages in their order; a reopened run begins at the one that was interrupted.
         steps: dict[Stage, Step] = {
@@ -202,23 +202,23 @@ class _Steps:
             "writing the report": self.report,
         }
         due = list(steps)
-        if made.stage in due:
-            due = due[due.index(made.stage) :]
-        elif made.stage is None:
+        if run.stage in due:
+            due = due[due.index(run.stage) :]
+        elif run.stage is None:
             due = due[-1:]
         for stage in due:
-            if made.interrupted is not None:
-                return made
-            made = self.keeper.through(stage, steps[stage], made)
-        if made.interrupted is not None:
-            return made
-        return self.keeper.keep(replace(made, stage=None))
+            if run.interrupted is not None:
+                return run
+            run = self.keeper.through(stage, steps[stage], run)
+        if run.interrupted is not None:
+            return run
+        return self.keeper.keep(replace(run, stage=None))
 
-    def execution(self, made: Run) -> Iterator[Run]:
+    def execution(self, run: Run) -> Iterator[Run]:
         assert self.cell is not None
-        made = execute(made, self.cell, self.callbacks, self._keep)
-        self.keeper.trace(made)
-        yield made
+        run = execute(run, self.cell, self.callbacks, self._keep)
+        self.keeper.trace(run)
+        yield run
 
     def _keep(self, samples: Samples, recorder: Recorder) -> None:
         # A failure of one of these steps must not stop the arm.
@@ -229,29 +229,29 @@ class _Steps:
         if reel is not None:
             follow("the film was not begun", lambda: reel.look(samples, recorder.leaves))
 
-    def estimates(self, made: Run) -> Iterator[Run]:
-        for grown in estimates(made, self.cell, self.callbacks, self.ahead):
-            made = grown
-            yield made
-        self.callbacks.measured(made)
+    def estimates(self, run: Run) -> Iterator[Run]:
+        for grown in estimates(run, self.cell, self.callbacks, self.ahead):
+            run = grown
+            yield run
+        self.callbacks.measured(run)
 
-    def twin(self, made: Run) -> Iterator[Run]:
+    def twin(self, run: Run) -> Iterator[Run]:
         # Validate with the scene that the planner knew: `build_twin` may replace it.
-        planned_in = made.scene
-        made = build_twin(made, self.callbacks)
-        self.keeper.twin(made)
-        yield made
+        planned_in = run.scene
+        run = build_twin(run, self.callbacks)
+        self.keeper.twin(run)
+        yield run
         if self.darkroom is not None:
-            self.darkroom.begin_stills(made)
-        if not made.settings.fast:
-            yield touch_twin(made, planned_in, self.callbacks, self.given)
+            self.darkroom.begin_stills(run)
+        if not run.settings.fast:
+            yield touch_twin(run, planned_in, self.callbacks, self.given)
 
-    def report(self, made: Run) -> Iterator[Run]:
+    def report(self, run: Run) -> Iterator[Run]:
         if self.keeper.folder is not None:
             self.callbacks.progress("writing the report")
-            yield write_report(made, self.keeper.folder, self.darkroom)
+            yield write_report(run, self.keeper.folder, self.darkroom)
 
 
-def _cell_of(made: Run) -> Cell:
+def _cell_of(run: Run) -> Cell:
     """The cell that the run's settings name."""
-    return workplace.cell_for(made.settings, made.scene, seen=made.seen is not None)
+    return workplace.cell_for(run.settings, run.scene, seen=run.seen is not None)

@@ -130,7 +130,7 @@ def finding_of_rehearsal(plan: Plan, scene: Scene) -> Finding | None:
     return rehearse_plan(plan, scene).finding
 
 
-def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
+def rehearse(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> Run:
     """Execute the plan in simulation before any motion.
 
     Plans of a model, a file or a user's own planner are always rehearsed. palpate's own plans are
@@ -142,51 +142,51 @@ def rehearse(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = No
         InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
     """
     # Decide: a real arm always, otherwise by the setting or the planner.
-    real, wanted = _is_real(made, cell), made.settings.rehearse
+    real, wanted = _is_real(run, cell), run.settings.rehearse
     if real and wanted is False:
         raise InputError(
             "rehearse=False (--no-rehearse) is for the embedded arm, not for a real one"
         )
     if wanted is None:
-        wanted = real or made.settings.planner not in OWN
-    if not made.ready or not wanted:
-        return made
+        wanted = real or run.settings.planner not in OWN
+    if not run.ready or not wanted:
+        return run
     from palpate.execution.rehearsal import rehearse as rehearse_plan
 
     # A person may read the plan during the rehearsal.
     if real:
-        callbacks.planned(made)
-    rehearsal = None if real or made.settings.rehearse else _rehearsed_before(made)
+        callbacks.planned(run)
+    rehearsal = None if real or run.settings.rehearse else _rehearsed_before(run)
     before = "" if rehearsal is None else " of the run that the plan comes from"
     if rehearsal is None:
         callbacks.progress("rehearsing in simulation")
-        rehearsal = rehearse_plan(made.plan, made.scene)
+        rehearsal = rehearse_plan(run.plan, run.scene)
     callbacks.progress(f"rehearsal{before}: {rehearsal}")
     failed = rehearsal.finding
-    return replace(made, rehearsal=rehearsal, findings=() if failed is None else (failed,))
+    return replace(run, rehearsal=rehearsal, findings=() if failed is None else (failed,))
 
 
-def _rehearsed_before(made: Run) -> Rehearsal | None:
+def _rehearsed_before(run: Run) -> Rehearsal | None:
     """Read the rehearsal in the run folder of a replayed plan; None without one."""
     # Only a replayed plan has such a folder.
-    name, _, path = made.settings.planner.partition(":")
+    name, _, path = run.settings.planner.partition(":")
     if name != "replay":
         return None
     from palpate.execution.rehearsal import kept_rehearsal
 
     folder = Path(path) if Path(path).is_dir() else Path(path).parent
-    return kept_rehearsal(folder, made.plan, made.scene)
+    return kept_rehearsal(folder, run.plan, run.scene)
 
 
-def _is_real(made: Run, cell: Cell | None) -> bool:
+def _is_real(run: Run, cell: Cell | None) -> bool:
     """True if a real robot will move: that of `cell` or of the settings."""
-    return made.settings.robot is not None or (cell is not None and not cell.simulated)
+    return run.settings.robot is not None or (cell is not None and not cell.simulated)
 
 
-def confirm(made: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
+def confirm(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None) -> None:
     """Ask before a real robot moves: that of `cell` or of the settings. A simulation needs no
     confirmation. Raises ExecutionAborted: the plan was not confirmed."""
-    if _is_real(made, cell) and made.ready and not callbacks.may_move(made):
+    if _is_real(run, cell) and run.ready and not callbacks.may_move(run):
         raise ExecutionAborted("the plan was not confirmed; nothing has moved")
 
 

@@ -96,7 +96,7 @@ def estimate_recording(
     reading = _explain_reading(f"{file.name}, {len(logs[0])} samples", carrying, empty)
     plan = Plan(asked, None, reading, RECORDING, tuple(notes))
     # Make a run as if the plan had been executed: estimates, twin and report are the same.
-    made = Run(
+    run = Run(
         replace(settings, robot=f"recording:{file.name}", noise="none"),
         scene,
         plan,
@@ -108,8 +108,8 @@ def estimate_recording(
         begun=began,
     )
     if settings.scene is not None:
-        made = build_twin(made, callbacks)
-    return replace(made, total_seconds=time.perf_counter() - began)
+        run = build_twin(run, callbacks)
+    return replace(run, total_seconds=time.perf_counter() - began)
 
 
 def _trace(

@@ -105,8 +105,8 @@ def estimate(
     names = None if columns is None else path_of(columns, "columns")
     with single_threaded_blas():
         recording = path_of(log, "log")
-        made = estimate_recording(settings, recording, carrying, unloaded, names, callbacks)
-        return run_of(made)
+        run = estimate_recording(settings, recording, carrying, unloaded, names, callbacks)
+        return run_of(run)
 
 
 # Dynamics of an arm, from a recording of it.

@@ -36,14 +36,14 @@ def folder_for(settings: Settings) -> Path:
 
 
 def film_while_moving(
-    made: Run, cell: Cell, given: Beside[Given] | None
+    run: Run, cell: Cell, given: Beside[Given] | None
 ) -> AbstractContextManager[Reel | None]:
     """Render the film of the execution while the arm moves; None if there is no film.
 
     The availability of OpenGL is tested meanwhile. Rendering begins when the execution in the scene
     as `given` has determined the view.
     """
-    if made.folder is None or not made.simulated or made.settings.fast:
+    if run.folder is None or not run.simulated or run.settings.fast:
         return nullcontext()
     from palpate.perception.film import Reel
     from palpate.perception.renderer import look_ahead
@@ -62,31 +62,31 @@ def film_while_moving(
 
 
 def render_in_background(
-    made: Run, reel: Reel | None = None
+    run: Run, reel: Reel | None = None
 ) -> AbstractContextManager[Darkroom | None]:
     """Render the film of the execution, and later the pictures, in separate processes.
 
     None for a run that is not saved, was not filmed, or is `fast`. `reel` has rendered a part of
     the film.
     """
-    if made.folder is None or made.footage is None or made.settings.fast:
+    if run.folder is None or run.footage is None or run.settings.fast:
         return nullcontext()
     from palpate.runs.report.writing import Darkroom
 
-    return Darkroom(made, reel)
+    return Darkroom(run, reel)
 
 
-def write_report(made: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:
+def write_report(run: Run, folder: Path, darkroom: Darkroom | None = None) -> Run:
     """Write pictures and page of an otherwise finished run; failures are added to its shortfalls."""
     from palpate.runs.report.writing import write_all
 
     # The charts need the data of the fits, which the folder lacks.
-    shown = with_views(replace(made, stage=None))
+    shown = with_views(replace(run, stage=None))
     shortfalls = write_all(shown, folder, darkroom)
-    return replace(made, shortfalls=(*made.shortfalls, *shortfalls))
+    return replace(run, shortfalls=(*run.shortfalls, *shortfalls))
 
 
-def save(made: Run, folder: Path | None = None) -> Run:
+def save(run: Run, folder: Path | None = None) -> Run:
     """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and images.
 
     `folder` must not exist; by default it is the settings' `out`, else a new one under `runs`.
@@ -96,12 +96,12 @@ def save(made: Run, folder: Path | None = None) -> Run:
     """
     from palpate.runs.report.writing import write_all
 
-    folder = folder or folder_for(made.settings)
+    folder = folder or folder_for(run.settings)
     with writing(folder), new_folder(folder) as scratch:
-        write_json(scratch / "request.json", request_json(made.settings))
-        write_files(made, scratch, folder)
-        shortfalls = write_all(with_views(made), scratch, place=folder)
-    return replace(made, folder=folder, shortfalls=(*made.shortfalls, *shortfalls))
+        write_json(scratch / "request.json", request_json(run.settings))
+        write_files(run, scratch, folder)
+        shortfalls = write_all(with_views(run), scratch, place=folder)
+    return replace(run, folder=folder, shortfalls=(*run.shortfalls, *shortfalls))
 
 
 def reopen(folder: Path, made_again: bool = False) -> Run:
@@ -114,14 +114,14 @@ def reopen(folder: Path, made_again: bool = False) -> Run:
     return read_run(folder, settings, made_again)
 
 
-def with_footage(made: Run) -> Run:
+def with_footage(run: Run) -> Run:
     """Return the run with footage rendered from its trace, for a film."""
     from palpate.perception.posed import played_again
 
-    trace = made.trace_if_any
+    trace = run.trace_if_any
     if trace is None or not len(trace.t):
-        return made
-    return replace(made, footage=played_again(made.scene, trace))
+        return run
+    return replace(run, footage=played_again(run.scene, trace))
 
 
 def taken_up(folder: Path) -> Run:
@@ -129,12 +129,12 @@ def taken_up(folder: Path) -> Run:
 
     The result is not `fast`, and has no interruption and no shortfalls.
     """
-    made = reopen(folder, made_again=True)
-    hurried, unhurried = made.settings.fast, replace(made.settings, fast=False)
-    made = replace(made, settings=unhurried, interrupted=None, shortfalls=())
+    run = reopen(folder, made_again=True)
+    hurried, unhurried = run.settings.fast, replace(run.settings, fast=False)
+    run = replace(run, settings=unhurried, interrupted=None, shortfalls=())
     # A `fast` run has skipped the validation of its twin, the pictures and the film.
-    if hurried and made.stage is None and made.finished is not None:
-        return replace(made, stage="building the twin")
-    if made.stage == "executing" and made.execution is None:
-        return cut_off(made)
-    return made
+    if hurried and run.stage is None and run.finished is not None:
+        return replace(run, stage="building the twin")
+    if run.stage == "executing" and run.execution is None:
+        return cut_off(run)
+    return run

@@ -247,6 +247,6 @@ def finish(folder: str | Path, progress: Progress = ignore, film: bool = False) 
     return run_of(pipeline.finish(Path(folder), RunCallbacks(progress=progress), film))
 
 
-def run_of(made: InnerRun) -> Run:
+def run_of(run: InnerRun) -> Run:
     """Make the public object of a run."""
-    return Run(**contents_of(made, InnerRun))
+    return Run(**contents_of(run, InnerRun))

@@ -205,11 +205,11 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
             "(--poses), the camera that took it: pos, quat, fovy and size"
         )
     # Use only the scene of the model's answer.
-    made = pipeline.plan(settings.check_values(), None)
+    run = pipeline.plan(settings.check_values(), None)
     texts = {
-        SCENE: made.scene.resolved.document.text,
+        SCENE: run.scene.resolved.document.text,
         POSES: read_text(settings.poses, MAX_POSES, "poses"),
     }
     written(folder, texts)
-    names = tuple(made.scene.objects)
+    names = tuple(run.scene.objects)
     return Scaffold(folder / SCENE, folder / POSES, names)

@@ -123,10 +123,10 @@ def footage_of(cell: Cell) -> Footage | None:
         return None
 
 
-def truths(made: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
+def truths(run: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
     """Read the true values of the estimated parameters, if the cell knows them."""
     found: dict[Parameter, tuple[float, ...]] = {}
-    for estimate in made.estimates:
+    for estimate in run.estimates:
         try:
             values = cell.truth(estimate.parameter)
         except Exception as error:
@@ -257,13 +257,13 @@ def hand_of(url: str, scene: Scene) -> Pose:
         hand.close()
 
 
-def require_seen(made: Run, seen: Seen | None) -> Run:
+def require_seen(run: Run, seen: Seen | None) -> Run:
     """Require that the camera saw every object that the plan touches, and add the notes of the
     look. Raises InputError: the plan touches objects that were not seen."""
     if seen is None:
-        return made
+        return run
     # An object that the plan touches must be seen; others only get a note.
-    touched = set(_touched_names(made))
+    touched = set(_touched_names(run))
     blind = [name for name in seen.unseen if name in touched]
     if blind:
         raise InputError(
@@ -275,19 +275,19 @@ def require_seen(made: Run, seen: Seen | None) -> Run:
     if seen.unseen:
         notes.append(f"Not seen, and taken to stand as stated: {', '.join(seen.unseen)}.")
     picture = None if seen.outlines is None else seen.outlines.png()
-    plan = replace(made.plan, notes=(*made.plan.notes, *notes))
-    return replace(made, plan=plan, looked=picture)
+    plan = replace(run.plan, notes=(*run.plan.notes, *notes))
+    return replace(run, plan=plan, looked=picture)
 
 
-def _touched_names(made: Run) -> Iterator[str]:
+def _touched_names(run: Run) -> Iterator[str]:
     """Objects and surfaces that are requested, or that an action of the plan names."""
-    yield from (parameter.object for parameter in made.plan.parameters)
-    if made.plan.tree is None:
+    yield from (parameter.object for parameter in run.plan.parameters)
+    if run.plan.tree is None:
         return
-    for _, node in made.plan.tree.walk():
+    for _, node in run.plan.tree.walk():
         for _, value in node.args:
             # Skip names that do not exist: the check reports them as findings.
             with suppress(InputError):
-                subject = made.scene.symbols.subject(value) if isinstance(value, str) else None
+                subject = run.scene.symbols.subject(value) if isinstance(value, str) else None
                 if subject is not None:
                     yield subject
