@@ -69,3 +69,15 @@ def test_a_corner_taken_for_one_of_the_paper_is_found_again(
     monkeypatch.setattr(detection, "squares", lambda grey: [(5, rough)])
     ((_, found),) = detect(picture(pose, np.random.default_rng(0)), LENS)
     assert np.abs(found - where(pose)).max() < 0.05
+
+
+def test_the_april_tag_projects_picture_is_upside_down() -> None:
+    # Modules of tag 5 in the project's own picture, from the upper left (finding apriltag_opencv_turn).
+    rows = ("00000000", "01111000", "01100010", "01101100", "01010110", "00011100", "01011000")
+    project = 255 * np.array([[int(module) for module in row] for row in (*rows, "00000000")])
+    paper = np.pad(project.astype(np.uint8), QUIET, constant_values=255).repeat(10, 0).repeat(10, 1)
+    ((number, found),) = detect(paper, Lens(pinhole(180.0, 49.5, 49.5), paper.shape, np.zeros(5)))
+    # The corners begin at the lower right: docs/seeing.md says to turn such a tag.
+    lower_right = 10.0 * (QUIET + MODULES) - 0.5
+    assert number == 5
+    np.testing.assert_allclose(found[0], lower_right, atol=0.5)
