@@ -91,14 +91,16 @@ def ground(request: str, scene: Scene) -> Grounded:
                 # "Do not take its temperature" does not request it.
                 raise PlanRejected(" ".join(dict.fromkeys(cannot)))
             return Grounded((), tuple(dict.fromkeys(cannot)))
-        raise resolver.not_understood(unused)
+        raise reading.problems[0] if reading.problems else resolver.not_understood(unused)
     within = _within(sentences, reading)
     sure = spotter.code == "en" and all(is_sure(one) for one in sentences) and not reading.guessed
-    if unused or not sure or len(spotter.slips) > 1:
+    if unused or not sure or reading.problems or len(spotter.slips) > 1:
         reason = f"I am not sure about '{' '.join(request.split())}'; please confirm"
         if unused:
             dead = [one.text(spot) for one in sentences for spot in one.spots if _is_dead(spot)]
             reason = str(resolver.not_understood(dead)).partition(HINT)[0]
+        if reading.problems:
+            reason = str(reading.problems[0]).partition(HINT)[0]
         raise PlanRejected(reason, reading.wanted, tuple(unused), within)
     slips = [f"'{word}' is read as '{meant}'." for word, meant in spotter.slips.items()]
     return Grounded(

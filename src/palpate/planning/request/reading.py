@@ -1,13 +1,17 @@
 """Meaning of a request: wanted and excluded parameters from the spots of its sentences.
 
-A sentence is cut into fragments at commas, conjunctions and exceptions. Each fragment wants, excludes
-or corrects. The quantities of successive wanting fragments are paired with their objects.
+1. A sentence is cut into clauses at commas, conjunctions and exceptions.
+2. Each clause wants or excludes (`_polarity`), or corrects the wish before it.
+3. The quantities and bodies of a run of wanting clauses are paired (`pair`).
+4. The wishes and exclusions become parameters after the last sentence (`finish`). A named body or
+   quantity has priority over "everything" and "the rest".
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from itertools import groupby
 
 from palpate.common.parameter import Parameter, PlanRejected
 from palpate.estimation.quantities.catalogue import quantities_by_verb
@@ -22,14 +26,12 @@ _VERBS = (
 )
 """Classes of words that begin a statement of their own."""
 _WHOLE = ("EVERYTHING", "ALL", "ELSE")
+_SEPARATORS = (",", "AND", "BUT", "RATHER", "EXCEPT", "CORRECT", "OR", ":")
 _INERTIAL = ("mass", "com", "inertia")
-
-Pair = tuple[list[str], list[Thing], bool]
-"""Quantities, their bodies, and True for all bodies that have them."""
 
 
 @dataclass(slots=True)
-class Fragment:
+class Clause:
     """Part of a sentence with one polarity.
 
     Attributes:
@@ -58,7 +60,7 @@ class Fragment:
 
     @property
     def continues(self) -> bool:
-        """True if it may belong to the list of the fragment before."""
+        """True if it may belong to the list of the clause before."""
         return not self.has(*_VERBS, "NOT", "C", "EVERYTHING", "ELSE", "ALL", "A")
 
     @property
@@ -70,27 +72,27 @@ class Fragment:
         return bool(amounts) and named and not asks and not any(one[0] in "±+" for one in amounts)
 
 
-def fragments(spots: Sequence[Spot]) -> list[Fragment]:
-    """Cut a sentence into fragments."""
-    found = [Fragment()]
+def clauses(spots: Sequence[Spot]) -> list[Clause]:
+    """Cut a sentence into clauses."""
+    found = [Clause()]
     for at, spot in enumerate(spots):
         last, part = spots[at - 1] if at else None, found[-1]
         resumes = spot.has("W", "MISSING", "WANT", "MEASURE", "F") and not spot.has("DET")
         if "EXCEPT" in part.intro and part.things and (resumes or spot.has(":")):
             # "Everything except the mug must be weighed."
-            found.append(Fragment(frozenset({"RESUME"})))
-        separates = spot.has(",", "AND", "BUT", "RATHER", "EXCEPT", "CORRECT", "OR", ":")
-        everything = last is not None and (
+            found.append(Clause(frozenset({"RESUME"})))
+        separates = spot.has(*_SEPARATORS)
+        whole = last is not None and (
             last.has(*_WHOLE) or (last.thing is not None and last.thing.plural)
         )
-        if spot.has("EXCEPT") and spot.has("MORE") and not everything:
+        ends = at + 1 == len(spots) or spots[at + 1].has(",", ":")
+        if spot.has("EXCEPT") and spot.has("MORE") and not whole:
             separates = spot.has("AND", "BUT")  # "pesa menos"
-        if spot.has("BUT") and everything:
+        if spot.has("BUT") and whole:
             spot.classes = {"EXCEPT": ""}  # "everything but the mug"
         if spot.has("CORRECT") and spot.has("NOT") and len(spots) > 1:
             # A plain "no" negates; "no," corrects.
             separates = at + 1 < len(spots) and spots[at + 1].has(",")
-        ends = at + 1 == len(spots) or spots[at + 1].has(",", ":")
         if spot.has("EXCEPT") and ends and part.things:
             part.intro |= {"EXCEPT"}  # "the hammer excluded"
             spot.used = True
@@ -100,13 +102,119 @@ def fragments(spots: Sequence[Spot]) -> list[Fragment]:
             continue
         spot.used = True
         carried: frozenset[str] = frozenset()
-        if found[-1].spots:
-            filler = not found[-1].things and not found[-1].quantities
-            if "CORRECT" in found[-1].intro and filler:
+        if part.spots:
+            filler = not part.things and not part.quantities
+            if "CORRECT" in part.intro and filler:
                 carried = frozenset({"CORRECT"})  # "No, excuse me, the blue one."
-            found.append(Fragment())
+            found.append(Clause())
         found[-1].intro |= frozenset(spot.classes) | carried
     return [one for one in found if one.spots]
+
+
+@dataclass(slots=True)
+class Link:
+    """Quantities and bodies that belong together.
+
+    Attributes:
+        quantities, things: their words; a link without one of them is incomplete.
+        after: the bodies follow the quantities.
+        clause: number of its clause.
+    """
+
+    quantities: list[Spot]
+    things: list[Spot]
+    after: bool
+    clause: int
+
+    @property
+    def is_complete(self) -> bool:
+        """True with quantities and bodies."""
+        return bool(self.quantities and self.things)
+
+
+def pair(run: Sequence[Clause], spots: Sequence[Spot], *, compares: bool) -> list[Link]:
+    """Pair the quantities and bodies of successive clauses.
+
+    Those of one clause belong together. The others join the nearest complete link of which they
+    continue the list: "the mass of the mug, the box and the friction of the bottle".
+    """
+    links: list[Link] = []
+    for number, part in enumerate(run):
+        joined = links if ":" in part.intro and links and not links[-1].is_complete else []
+        groups = [list(ones) for _, ones in groupby(filter(_is_named, part.spots), _is_thing)]
+        at = 0
+        while at < len(groups):
+            first, second = groups[at], groups[at + 1] if at + 1 < len(groups) else []
+            third = groups[at + 2] if at + 2 < len(groups) else []
+            if _is_thing(first[0]) and third and not _binds_back(spots, second):
+                second = []  # "for the mug, measure the mass of the bottle"
+            members = [*first, *second]
+            quantities = [one for one in members if not _is_thing(one)]
+            links.append(
+                Link(quantities, [o for o in members if _is_thing(o)], first == quantities, number)
+            )
+            at += 2 if second else 1
+        if joined and groups:
+            _join(links, run)
+    complete = [one for one in links if one.is_complete]
+    if compares or not complete:
+        every = [Link([], [], True, 0)] if links else []
+        for one in links:
+            every[0].quantities += one.quantities
+            every[0].things += one.things
+        return every
+    for at, one in enumerate(links):
+        if not one.is_complete:
+            _attach(links, at, run, spots)
+    return [one for one in links if one.quantities or one.things]
+
+
+def _join(links: list[Link], run: Sequence[Clause]) -> None:
+    """Join the links around a colon: "mug: mass"."""
+    at = next(k for k, one in enumerate(links) if ":" in run[one.clause].intro)
+    first, second = links[at - 1], links[at]
+    if bool(first.things) != bool(second.things):
+        after = bool(first.quantities)
+        things, quantities = first.things + second.things, first.quantities + second.quantities
+        links[at - 1 : at + 1] = [Link(quantities, things, after, second.clause)]
+
+
+def _attach(links: Sequence[Link], at: int, run: Sequence[Clause], spots: Sequence[Spot]) -> None:
+    """Move the members of an incomplete link to the complete one that it continues."""
+    one = links[at]
+    before = next((o for o in reversed(links[:at]) if o.is_complete), None)
+    following = next((o for o in links[at + 1 :] if o.is_complete), None)
+    if one.quantities:
+        its = _has_its(spots, one.quantities[0])
+        joins = following is not None and following.after and "AND" in run[following.clause].intro
+        chosen = before if its or not joins else following
+        chosen = chosen or (None if its else following)
+        if chosen is not None:
+            chosen.quantities += one.quantities
+            one.quantities = []
+    else:
+        same = following is not None and following.clause == one.clause
+        chosen = before if before is not None and (before.after or following is None) else following
+        if chosen is not None and not (same and chosen is following):
+            chosen.things += one.things
+            one.things = []
+
+
+@dataclass(slots=True)
+class Wish:
+    """A quantity of bodies that the request asks for; without bodies, of all that can have it."""
+
+    id: str
+    things: list[Thing]
+
+    @property
+    def is_general(self) -> bool:
+        """True if no body is named."""
+        return all(one.text == EVERYTHING for one in self.things)
+
+
+EVERYTHING = "everything"
+"""Text of a mention of all bodies."""
 
 
 @dataclass
@@ -118,8 +226,9 @@ class Reading:
         compares: the request compares, so that every candidate is wanted.
         simulates: the request is for a simulation of an action.
         bare: the request consists of bodies alone.
-        asked, excluded: the parameters.
+        asked, wanted: the parameters, before and after the exclusions.
         remarks: interpretations of implicit wishes.
+        problems: reasons why a wish has no parameters.
         guessed: the reading needs the user's confirmation.
         looked: a wish for missing values was read, even if nothing is missing.
     """
@@ -129,14 +238,19 @@ class Reading:
     simulates: bool = False
     bare: bool = False
     asked: list[Parameter] = field(default_factory=list[Parameter])
-    excluded: set[Parameter] = field(default_factory=set[Parameter])
+    wanted: tuple[Parameter, ...] = ()
     remarks: list[str] = field(default_factory=list[str])
+    problems: list[PlanRejected] = field(default_factory=list[PlanRejected])
     guessed: bool = False
     looked: bool = False
+    _wishes: list[Wish] = field(default_factory=list[Wish])
+    _excluded: list[tuple[list[str], list[Thing]]] = field(
+        default_factory=list[tuple[list[str], list[Thing]]]
+    )
     _mentions: list[list[Thing]] = field(default_factory=list[list[Thing]])
     _last: list[str] = field(default_factory=list[str])
     _seen: list[str] = field(default_factory=list[str])
-    _previous: list[Parameter] = field(default_factory=list[Parameter])
+    _previous: list[Wish] = field(default_factory=list[Wish])
     _base: bool = True
     _spared: bool = False
     _named: set[str] = field(default_factory=set[str])
@@ -145,23 +259,12 @@ class Reading:
     _purposes: list[tuple[str, list[Thing]]] = field(default_factory=list[tuple[str, list[Thing]]])
     _missing: list[list[Thing]] = field(default_factory=list[list[Thing]])
 
-    @property
-    def wanted(self) -> tuple[Parameter, ...]:
-        """Parameters that are requested and not excluded."""
-        asked = self.resolver.order_parameters(self.asked)
-        return tuple(one for one in asked if one not in self.excluded)
-
     def take(self, spots: Sequence[Spot], question: bool) -> None:
-        """Interpret the next sentence.
-
-        Raises:
-            InputError: it names an unknown body.
-            PlanRejected: it is ambiguous.
-        """
-        run: list[Fragment] = []
-        before: Fragment | None = None
-        named: Fragment | None = None
-        for part in fragments(spots):
+        """Interpret the next sentence."""
+        run: list[Clause] = []
+        before: Clause | None = None
+        named: Clause | None = None
+        for part in clauses(spots):
             part.wanted = self._polarity(part, before, question)
             if "CORRECT" in part.intro and (part.things or part.quantities):
                 self._want(run, question)
@@ -178,8 +281,8 @@ class Reading:
         self._want([part for part in run if part.wanted], question)
         self._spared = before is not None and not before.wanted
 
-    def _polarity(self, part: Fragment, before: Fragment | None, question: bool) -> bool:
-        """Return True if a fragment asks for its parameters."""
+    def _polarity(self, part: Clause, before: Clause | None, question: bool) -> bool:
+        """Return True if a clause asks for its parameters."""
         denied = part.has("NOT")
         if part.intro & {"RATHER", "CORRECT"} and not (denied and part.things):
             self._base = True
@@ -226,53 +329,59 @@ class Reading:
             self._base = True
         return True
 
-    def _correct(self, part: Fragment) -> None:
+    def _correct(self, part: Clause) -> None:
         """Replace what was asked last."""
-        self.asked = [one for one in self.asked if one not in self._previous]
+        self._wishes = [one for one in self._wishes if one not in self._previous]
         if part.quantities and not part.things:
-            names = dict.fromkeys(one.object for one in self._previous)
-            self._mentions.append([Thing(name, (name,)) for name in names])
+            self._mentions.append([thing for one in self._previous for thing in one.things])
         elif part.things:
-            self._last = list(dict.fromkeys(one.quantity for one in self._previous)) or self._last
+            self._last = list(dict.fromkeys(one.id for one in self._previous)) or self._last
 
-    # Pairing of quantities with bodies.
+    # Wishes.
 
-    def _want(self, run: Sequence[Fragment], question: bool) -> None:
-        for at, part in enumerate(run):
-            begins = at and part.spots[0].has("OF") and part.things and part.quantities
-            if begins and part.things[0].start < part.quantities[0].start:
-                # "... of the mug, and of the box its friction" begins anew.
-                self._want(run[:at], question)
-                self._want(run[at:], question)
-                return
+    def _want(self, run: Sequence[Clause], question: bool) -> None:
+        """Interpret successive clauses that ask."""
         spots = [spot for part in run for spot in part.spots]
-        before = len(self.asked)
+        count = len(self._wishes)
         for spot in spots:
-            spot.used = spot.used or (self.simulates and bool(spot.classes.get("DEED")))
-        pairs, alone = self._pair(spots)
+            simulated = self.simulates and spot.has("DEED")
+            spot.used = spot.used or (simulated and bool(spot.classes.get("DEED")))
+            if simulated and not spot.has("N"):
+                spot.classes = {n: v for n, v in spot.classes.items() if n not in QUANTITIES}
+        links = pair(run, spots, compares=self.compares)
+        alone = [t for one in links if not one.quantities for t in self._things(one.things)]
+        links = [one for one in links if one.quantities]
         weight = any(is_weight(spot.classes.get("AMOUNT", "")) for spot in spots)
         limited = question or any(spot.has("THAN", "ABOVE", "BELOW") for spot in spots)
-        if not pairs and alone and weight and limited:
-            pairs, alone = [(["mass"], alone, False)], list[Thing]()  # "is it over 400 g?"
-        unweighed = any(part.has("YET") and part.has("DONE") and part.has("NOT") for part in run)
-        if unweighed:
-            pairs = pairs or [(["mass"], list[Thing](), False)]
-            pairs = [(ids, [t for t in ts if t.text != "everything"], True) for ids, ts, _ in pairs]
-        for ids, things, every in pairs:
-            self._quantified = True
-            self._last = ids
+        if not links and alone and weight and limited:
+            self._add("mass", alone, False)  # "is it over 400 g?"
+            alone = []
+        unweighed = any(p.has("YET") and p.has("DONE") and p.has("NOT") for p in run)
+        if not links and unweighed:
+            self._add("mass", [], True)
+        for one in links:
+            self._mentions += [alone] if alone and one is links[0] else []
+            things = self._things(one.things)
+            things = [t for t in things if not unweighed or t.text != EVERYTHING]
+            every = unweighed or any(_is_every(spots, member) for member in one.quantities) or (
+                not self._mentions and any(member.has("PLURAL") for member in one.quantities)
+            )
+            ids = list(dict.fromkeys(id for member in one.quantities for id in _ids(member)))
+            for member in one.quantities:
+                member.used = True
+            self._mentions += [things] if things else []
+            self._last, self._quantified = ids, True
             for id in ids:
                 self._add(id, things, every)
-        if pairs:
-            self._mentions += [alone] if alone else []
-        elif alone or any(spot.has(*_WHOLE) for spot in spots):
-            self._without_quantity(run, spots, alone)
-        elif any(part.has("MISSING", "VAGUE", "PARAMETERS", "SIMULATE") for part in run):
-            self._missing.append([])
-        self._previous = self.asked[before:] or self._previous
+        if not self._wishes[count:]:
+            if alone or any(spot.has(*_WHOLE) for spot in spots):
+                self._without_quantity(run, spots, alone)
+            elif any(part.has("MISSING", "VAGUE", "PARAMETERS", "SIMULATE") for part in run):
+                self._missing.append([])
+        self._previous = self._wishes[count:] or self._previous
 
     def _without_quantity(
-        self, run: Sequence[Fragment], spots: Sequence[Spot], alone: list[Thing]
+        self, run: Sequence[Clause], spots: Sequence[Spot], alone: list[Thing]
     ) -> None:
         """Interpret bodies without a quantity: those of the last quantity, or all that is missing."""
         everything = [spot for spot in spots if spot.has(*_WHOLE) and not spot.used][:1]
@@ -281,7 +390,7 @@ class Reading:
         missing = any(part.has("MISSING", "VAGUE", "PARAMETERS") for part in run)
         measures = any(part.has("MEASURE") for part in run) and not self._last
         if self.simulates and verb and alone:
-            moved = [one for one in alone if one.text != "everything" and one.names != (GRIPPER,)]
+            moved = [one for one in alone if one.text != EVERYTHING and one.names != (GRIPPER,)]
             self._purposes.append((verb, moved or alone))
         elif missing or (measures and not any(spot.unknown for spot in spots)):
             self._missing.append(things)
@@ -300,65 +409,7 @@ class Reading:
         if spot.has("ELSE"):
             before = {name for things in self._mentions for one in things for name in one.names}
             names = tuple(name for name in names if name not in before | self._named)
-        return Thing("everything", names, plural=True)
-
-    def _pair(self, spots: Sequence[Spot]) -> tuple[list[Pair], list[Thing]]:
-        """Pair quantities with bodies; also return the bodies without a quantity."""
-        groups = self._groups(spots)
-        pairs: list[Pair] = []
-        alone: list[Thing] = []
-        used: set[int] = set()
-        for at, (kind, members) in enumerate(groups):
-            if kind != "Q":
-                continue
-            after = at + 1 if at + 1 < len(groups) and groups[at + 1][0] == "T" else None
-            prior = at - 1 if at and groups[at - 1][0] == "T" and at - 1 not in used else None
-            back = prior is not None and _binds_back(spots, members)
-            chosen = prior if after is None or back or _has_its(spots, members[0]) else after
-            if chosen == after and prior is not None and chosen is not None:
-                alone += self._things(groups[prior][1])
-                used.add(prior)
-            things: list[Thing] = []
-            if chosen is not None:
-                used.add(chosen)
-                things = self._things(groups[chosen][1])
-            every = any(_is_every(spots, member) for member in members) or (
-                not self._mentions and any(one.has("PLURAL") for one in members)
-            )
-            for member in members:
-                member.used = True
-            ids = list(dict.fromkeys(id for member in members for id in _ids(member)))
-            pairs.append((ids, things, every))
-            self._mentions += [things] if things else []
-        for at, (kind, members) in enumerate(groups):
-            if kind == "T" and at not in used:
-                things = self._things(members)
-                if used and min(used) < at and pairs and not members[0].has("EVERYTHING"):
-                    pairs[-1] = (pairs[-1][0], [*pairs[-1][1], *things], pairs[-1][2])
-                else:
-                    alone += things
-        return pairs, alone
-
-    def _groups(self, spots: Sequence[Spot]) -> list[tuple[str, list[Spot]]]:
-        """Group successive quantities (`Q`) and successive bodies (`T`)."""
-        groups: list[tuple[str, list[Spot]]] = []
-        for at, spot in enumerate(spots):
-            kind = "Q" if spot.is_quantity else "T" if _is_thing(spot) else ""
-            if not kind or (
-                self.simulates and spot.has("DEED") and kind == "Q" and not spot.has("N")
-            ):
-                continue
-            # "The mass of the bottle and mug friction": the mug belongs to the friction.
-            follows = at + 1 < len(spots) and spots[at + 1].start == spot.end
-            adjacent = kind == "T" and follows and spots[at + 1].has("N", "'S")
-            anew = adjacent and len(groups) > 1 and groups[-1][0] == "T"
-            if anew or not groups or groups[-1][0] != kind or _ends_group(spots, at, kind, groups):
-                groups.append((kind, []))
-            groups[-1][1].append(spot)
-        kinds = {kind for kind, _ in groups}
-        if self.compares and len(kinds) > 1:
-            return [(each, [o for k, ones in groups if k == each for o in ones]) for each in "QT"]
-        return groups
+        return Thing(EVERYTHING, names, plural=True)
 
     def _things(self, spots: Sequence[Spot]) -> list[Thing]:
         found: list[Thing] = []
@@ -370,40 +421,34 @@ class Reading:
         general = [t for t in found if t.names == objects and not t.plural and len(objects) > 1]
         if general and not self.compares and (self._mentions or len(found) > len(general)):
             found = [one for one in found if one not in general]
-        self._named.update(name for one in found for name in one.names if one.text != "everything")
+        self._named.update(name for one in found for name in one.names if one.text != EVERYTHING)
         return found
-
-    # Parameters.
 
     def _add(self, id: str, things: list[Thing], every: bool) -> None:
         """Ask for a quantity of bodies, else of the last mentioned ones, else of all."""
         resolver = self.resolver
-        self._require_present(things)
         objects = tuple(resolver.scene.objects)
         if self.compares:
-            things = [Thing(t.text, t.names, t.plural or t.names == objects) for t in things]
-        can = [one for one in things if resolver.can_have([one], id)]
+            things = [replace(t, plural=t.plural or t.names == objects) for t in things]
+        can = [one for one in things if not one.names or resolver.can_have([one], id)]
         if things and (can or len(self._last) < 2):
-            self.asked += resolver.parameters(id, can or things)
+            self._wishes.append(Wish(id, can or things))
             return
         # Without bodies: the last mentioned ones that can have the quantity.
         for before in reversed(self._mentions if not every else []):
             fit = [one for one in before if one.names and resolver.can_have([one], id)]
             if fit:
-                fit = [Thing(t.text, t.names, True) for t in fit] if self.compares else fit
-                self.asked += resolver.parameters(id, fit)
+                self._wishes.append(
+                    Wish(id, [replace(t, plural=t.plural or self.compares) for t in fit])
+                )
                 return
         if len(resolver.carriers(id)) == 1 or every or self.compares:
-            self.asked += resolver.parameters(id, [])
-            return
-        raise PlanRejected(resolver.of_what(id))
+            self._wishes.append(Wish(id, []))
+        else:
+            self.problems.append(PlanRejected(resolver.of_what(id)))
 
-    def _require_present(self, things: Iterable[Thing]) -> None:
-        if absent := [one for one in things if not one.names and one.text]:
-            raise self.resolver.absent(absent[0])
-
-    def _exclude(self, part: Fragment, named: Fragment | None) -> None:
-        """Exclude the parameters of a fragment; `named` has the bodies before it, if wanted."""
+    def _exclude(self, part: Clause, named: Clause | None) -> None:
+        """Exclude the parameters of a clause; `named` has the bodies before it, if wanted."""
         things = [one for one in self._things(part.things) if one.names]
         things += [self._everything(spot) for spot in part.spots if spot.has("EVERYTHING", "ELSE")]
         ids = [id for spot in part.quantities for id in _ids(spot)]
@@ -416,30 +461,62 @@ class Reading:
             # "The mug: I know its mass already."
             things = self._things(named.things) if named is not None else self._mentions[-1]
         if things or ids:
-            for id in ids or [None]:
-                self.excluded.update(self.resolver.exclusions(id, things))
+            self._excluded.append((ids, things))
         self._last = ids or self._last
         self._mentions += [things] if things else []
+
+    # Parameters.
 
     def finish(self) -> None:
         """Complete the parameters after the last sentence.
 
         Raises:
-            PlanRejected: bodies were named without a quantity.
+            InputError: a wish names a body that the scene does not have.
         """
+        for wish in self._wishes:
+            self._require_present(wish.things)
         if self._purposes and not self._quantified:
             self._aim()
-            return
+        else:
+            self._ask()
+        # "The rest is known" excludes no body that a wish names.
+        named = {name for one in self._wishes for thing in one.things for name in thing.names}
+        named = named if any(not one.is_general for one in self._wishes) else set[str]()
+        excluded: set[Parameter] = set()
+        for ids, things in self._excluded:
+            specific = [
+                replace(one, names=tuple(set(one.names) - named)) if one.text == EVERYTHING else one
+                for one in things
+            ]
+            for id in ids or [None]:
+                excluded.update(self.resolver.exclusions(id, specific) if specific or not things else ())
+        asked = self.resolver.order_parameters(self.asked)
+        self.wanted = tuple(one for one in asked if one not in excluded)
+
+    def _ask(self) -> None:
+        for wish in self._wishes:
+            try:
+                self.asked += self.resolver.parameters(wish.id, wish.things)
+            except PlanRejected as problem:
+                self.problems.append(problem)
         # Beside a quantity, "what is missing" without bodies is a remark.
         missing = [one for one in self._missing if one or not self._quantified]
         if not self._quantified and not missing and self._alone and self.bare:
             missing = [self._alone]
         for things in missing:
             self._require_present(things)
-            found, remark = self.resolver.missing(things)
+            try:
+                found, remark = self.resolver.missing(things)
+            except PlanRejected as problem:
+                self.problems.append(problem)
+                continue
             self.asked += found
             self.looked = True
             self.remarks.append(remark)
+
+    def _require_present(self, things: Iterable[Thing]) -> None:
+        if absent := [one for one in things if not one.names and one.text != EVERYTHING]:
+            raise self.resolver.absent(absent[0])
 
     def _aim(self) -> None:
         """Ask for the quantities that a simulated action depends on.
@@ -465,28 +542,14 @@ def _ids(spot: Spot) -> tuple[str, ...]:
 
 
 def _is_thing(spot: Spot) -> bool:
-    if spot.has("MARK"):
+    """True for words that name bodies, or all of them."""
+    if spot.has("MARK") or spot.is_quantity:
         return False
     return spot.thing is not None or (spot.has("EVERYTHING", "ELSE") and not spot.used)
 
 
-def _ends_group(
-    spots: Sequence[Spot], at: int, kind: str, groups: Sequence[tuple[str, list[Spot]]]
-) -> bool:
-    """True if a quantity begins a group of its own: "its mass and the friction of the box"."""
-    if kind != "Q":
-        return False
-    last = groups[-1][1][-1]
-    if _has_its(spots, last) != _has_its(spots, spots[at]):
-        return True
-    # "The bottle's mass, the friction of the mug": the first belongs to the body before.
-    back = len(groups) > 1 and groups[-2][0] == "T"
-    return back and _is_of(spots, at) and not _is_of(spots, spots.index(last))
-
-
-def _is_of(spots: Sequence[Spot], at: int) -> bool:
-    """True if a quantity is followed by "of"."""
-    return at + 1 < len(spots) and spots[at + 1].has("OF", "REL")
+def _is_named(spot: Spot) -> bool:
+    return spot.is_quantity or _is_thing(spot)
 
 
 def _has_its(spots: Sequence[Spot], spot: Spot) -> bool:
@@ -498,11 +561,11 @@ def _has_its(spots: Sequence[Spot], spot: Spot) -> bool:
 def _binds_back(spots: Sequence[Spot], members: Sequence[Spot]) -> bool:
     """True if quantities belong to the bodies before them, not to those after."""
     first, end = spots.index(members[0]), spots.index(members[-1])
-    before = spots[end - 1]
-    verb = members[-1].has("W") and end and before.thing is None and not before.has("NOT")
-    if _is_of(spots, end) or verb or not first:
+    before = spots[first - 1]
+    verb = members[-1].has("W") and before.thing is None and not before.has("NOT")
+    if (end + 1 < len(spots) and spots[end + 1].has("OF", "REL")) or verb:
         return False
-    return spots[first - 1].thing is not None or spots[first - 1].has("'S", "W", "F")
+    return before.thing is not None or before.has("'S", "W", "F")
 
 
 def _is_every(spots: Sequence[Spot], spot: Spot) -> bool:

@@ -8,7 +8,7 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
-from functools import cache
+from functools import cache, lru_cache
 from importlib.resources import files
 
 from palpate.estimation.quantities.catalogue import catalogue
@@ -19,6 +19,9 @@ EXACT = 3
 """Maximum number of letters of a word whose accents must agree: the French "où" and "ou"."""
 NEAR = 0.82
 """Minimum similarity of a misspelt word to the known one. The first letters must agree."""
+
+CACHED = 1 << 14
+"""Words whose forms are remembered."""
 
 _OTHERWISE = frozenset({"place", "where", "level", "weigh", "lean"})
 """Names of quantities with other frequent uses, which `words/classes.txt` covers."""
@@ -70,7 +73,7 @@ class Language:
             said = words[at : at + len(entry.words)]
             if len(said) < max(len(entry.words), most):
                 continue
-            if all(_agrees(word, form) for word, form in zip(said, entry.words, strict=True)):
+            if all(map(_agrees, said, entry.words)):
                 if len(said) > most:
                     most, classes = len(said), dict[str, str]()
                 classes.setdefault(entry.name, entry.value)
@@ -98,6 +101,7 @@ class Language:
         return None
 
 
+@lru_cache(CACHED)
 def _agrees(word: str, form: str) -> bool:
     """True if a word is the form of an entry; longer words may lack their accents."""
     if form.endswith("*"):
@@ -254,12 +258,14 @@ def _keep_amount(found: re.Match[str]) -> str:
     return found[0] if found[0][0] == "§" else " "
 
 
+@lru_cache(CACHED)
 def without_accents(word: str) -> str:
     """Remove the accents of a word."""
     apart = unicodedata.normalize("NFD", word.replace("ß", "ss").replace("œ", "oe"))
     return "".join(letter for letter in apart if not unicodedata.combining(letter))
 
 
+@lru_cache(CACHED)
 def singulars(word: str) -> tuple[str, ...]:
     """Return possible singulars of `word` in any language, itself first."""
     forms = [word]
@@ -273,6 +279,7 @@ def singulars(word: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(forms))
 
 
+@lru_cache(CACHED)
 def english_singulars(word: str) -> tuple[str, ...]:
     """Return possible English singulars of `word`, itself first."""
     return singulars(word)[
