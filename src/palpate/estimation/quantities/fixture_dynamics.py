@@ -140,6 +140,7 @@ class SpringStiffness(JointQuantity):
     how = HOW
     believed = (30.0, 30.0)
     drawn = (0.0, 80.0)
+    elsewhere = "stiffness"
     words: ClassVar = {
         "en": ("spring stiffness", "spring constant", "spring rate", "joint stiffness"),
         "de": ("federkonstante", "federrate", "gelenksteifigkeit"),

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from palpate.mjcf.body import Body
 from palpate.planning.request.query import GRIPPER
 from palpate.planning.request.words import (
+    EXACT,
     english_singulars,
     kinds,
     languages,
@@ -152,8 +153,8 @@ class Nouns:
             least = min(heads.values(), default=0)
             names = tuple(name for name, rank in heads.items() if rank == least)
             # "The shampoo" may mean the shampoo bottle, if there is no other.
-            inexact = not names and len(fitting) == 1
-            names = tuple(fitting) if inexact else names
+            inexact = not names and (len(fitting) == 1 or bool(self._loosely(part, code)))
+            names = (tuple(fitting) or self._loosely(part, code)) if inexact else names
             if not names and part[-1] in _HAND and part[-1] not in self.names:
                 names = (GRIPPER,)
             plural = part[-1] in _COLLECTIVE or self._is_plural(part, names, code)
@@ -161,6 +162,14 @@ class Nouns:
         if all(self._describes(word, code) for word in part):
             return Phrase(len(part), tuple(fitting), False, False)
         return None
+
+    def _loosely(self, part: Sequence[str], code: str) -> tuple[str, ...]:
+        """Return the bodies of which a translation ends with a noun: "Stein" for "Ziegelstein"."""
+        if len(part) > 1 or len(part[0]) <= EXACT:
+            return ()
+        nouns = [(noun, c) for noun, c in languages()[code].nouns.items() if noun != part[0]]
+        ends = [c for noun, c in nouns if noun.endswith(part[0]) or noun.split("_")[0] == part[0]]
+        return tuple(n for n, one in self.words.items() if any(one.usual & set(c) for c in ends))
 
     def _is_plural(self, part: Sequence[str], names: Sequence[str], code: str) -> bool:
         """True if the noun is a plural, which is neither a name nor a known singular."""

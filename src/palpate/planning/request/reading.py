@@ -81,6 +81,9 @@ def clauses(spots: Sequence[Spot]) -> list[Clause]:
         if "EXCEPT" in part.intro and part.things and (resumes or spot.has(":")):
             # "Everything except the mug must be weighed."
             found.append(Clause(frozenset({"RESUME"})))
+        asks = last is not None and last.has("TOKNOW", "MEASURE", "IDEA", "AND", "OR", ",")
+        if spot.has("COND") and part.quantities and not asks:
+            found.append(Clause())
         separates = spot.has(*_SEPARATORS)
         whole = last is not None and (
             last.has(*_WHOLE) or (last.thing is not None and last.thing.plural)
@@ -93,7 +96,7 @@ def clauses(spots: Sequence[Spot]) -> list[Clause]:
         if spot.has("CORRECT") and spot.has("NOT") and len(spots) > 1:
             # A plain "no" negates; "no," corrects.
             separates = at + 1 < len(spots) and spots[at + 1].has(",")
-        if spot.has("EXCEPT") and ends and part.things:
+        if spot.has("EXCEPT") and ends and part.things and not spot.has("MORE"):
             part.intro |= {"EXCEPT"}  # "the hammer excluded"
             spot.used = True
             continue
@@ -210,11 +213,11 @@ class Wish:
     @property
     def is_general(self) -> bool:
         """True if no body is named."""
-        return all(one.text == EVERYTHING for one in self.things)
+        return all(one.text in EVERYTHING for one in self.things)
 
 
-EVERYTHING = "everything"
-"""Text of a mention of all bodies."""
+EVERYTHING = ("everything", "object")
+"""Texts of mentions of all bodies."""
 
 
 @dataclass
@@ -253,6 +256,7 @@ class Reading:
     _previous: list[Wish] = field(default_factory=list[Wish])
     _base: bool = True
     _spared: bool = False
+    _specific: bool = False
     _named: set[str] = field(default_factory=set[str])
     _quantified: bool = False
     _alone: list[Thing] = field(default_factory=list[Thing])
@@ -264,7 +268,12 @@ class Reading:
         run: list[Clause] = []
         before: Clause | None = None
         named: Clause | None = None
-        for part in clauses(spots):
+        parts = clauses(spots)
+        for part in parts:
+            others = any(one.quantities for one in parts if one is not part)
+            if part.spots[0].has("COND") and others:
+                self._mentions += [[one.thing for one in part.things if one.thing is not None]]
+                continue  # "if I tilt the table"
             part.wanted = self._polarity(part, before, question)
             if "CORRECT" in part.intro and (part.things or part.quantities):
                 self._want(run, question)
@@ -323,6 +332,8 @@ class Reading:
                 return True
             if "AND" in part.intro or "EXCEPT" in before.intro:
                 return bool(part.quantities and part.things and "AND" not in part.intro)
+            if part.quantities and part.has("ITS"):
+                return True  # "I know the mass of the mug, its friction not"
             # "Not the mug, the box", but "except the mug, the box".
             return before.has("NOT", "NEEDLESS") or bool(part.quantities and part.things)
         if part.has(*_VERBS):
@@ -342,6 +353,7 @@ class Reading:
     def _want(self, run: Sequence[Clause], question: bool) -> None:
         """Interpret successive clauses that ask."""
         spots = [spot for part in run for spot in part.spots]
+        self._specific = any(":" in part.intro or part.has("SPEC") for part in run)
         count = len(self._wishes)
         for spot in spots:
             simulated = self.simulates and spot.has("DEED")
@@ -356,13 +368,15 @@ class Reading:
         if not links and alone and weight and limited:
             self._add("mass", alone, False)  # "is it over 400 g?"
             alone = []
+        if not links and not alone and weight and self._alone and not self._quantified:
+            self._add("mass", self._alone, False)  # "is the can full? it should be 400 g"
         unweighed = any(p.has("YET") and p.has("DONE") and p.has("NOT") for p in run)
         if not links and unweighed:
             self._add("mass", [], True)
         for one in links:
             self._mentions += [alone] if alone and one is links[0] else []
             things = self._things(one.things)
-            things = [t for t in things if not unweighed or t.text != EVERYTHING]
+            things = [t for t in things if not unweighed or t.text not in EVERYTHING]
             every = unweighed or any(_is_every(spots, member) for member in one.quantities) or (
                 not self._mentions and any(member.has("PLURAL") for member in one.quantities)
             )
@@ -390,7 +404,7 @@ class Reading:
         missing = any(part.has("MISSING", "VAGUE", "PARAMETERS") for part in run)
         measures = any(part.has("MEASURE") for part in run) and not self._last
         if self.simulates and verb and alone:
-            moved = [one for one in alone if one.text != EVERYTHING and one.names != (GRIPPER,)]
+            moved = [one for one in alone if one.text not in EVERYTHING and one.names != (GRIPPER,)]
             self._purposes.append((verb, moved or alone))
         elif missing or (measures and not any(spot.unknown for spot in spots)):
             self._missing.append(things)
@@ -409,19 +423,21 @@ class Reading:
         if spot.has("ELSE"):
             before = {name for things in self._mentions for one in things for name in one.names}
             names = tuple(name for name in names if name not in before | self._named)
-        return Thing(EVERYTHING, names, plural=True)
+        return Thing(EVERYTHING[0], names, plural=True)
 
     def _things(self, spots: Sequence[Spot]) -> list[Thing]:
         found: list[Thing] = []
         for spot in spots:
             spot.used = True
             found.append(spot.thing if spot.thing is not None else self._everything(spot))
+        if any(spot.has("EVERYTHING") for spot in spots[:1]) and self._specific:
+            found = found[1:] or found  # "everything, that is the mug and the bottle"
         # A general noun refers to what was named before: "that thing".
         objects = tuple(self.resolver.scene.objects)
         general = [t for t in found if t.names == objects and not t.plural and len(objects) > 1]
         if general and not self.compares and (self._mentions or len(found) > len(general)):
             found = [one for one in found if one not in general]
-        self._named.update(name for one in found for name in one.names if one.text != EVERYTHING)
+        self._named.update(name for one in found for name in one.names if one.text not in EVERYTHING)
         return found
 
     def _add(self, id: str, things: list[Thing], every: bool) -> None:
@@ -485,7 +501,7 @@ class Reading:
         excluded: set[Parameter] = set()
         for ids, things in self._excluded:
             specific = [
-                replace(one, names=tuple(set(one.names) - named)) if one.text == EVERYTHING else one
+                replace(one, names=tuple(set(one.names) - named)) if one.text in EVERYTHING else one
                 for one in things
             ]
             for id in ids or [None]:
@@ -515,7 +531,7 @@ class Reading:
             self.remarks.append(remark)
 
     def _require_present(self, things: Iterable[Thing]) -> None:
-        if absent := [one for one in things if not one.names and one.text != EVERYTHING]:
+        if absent := [one for one in things if not one.names and one.text not in EVERYTHING]:
             raise self.resolver.absent(absent[0])
 
     def _aim(self) -> None:

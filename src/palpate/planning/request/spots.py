@@ -112,7 +112,8 @@ class Spotter:
         for at, spot in enumerate(found):
             said = at > 0 and found[at - 1].has("HOW")  # "that is all"
             if spot.has("ALL") and spot.thing is None and not said and not _applies(found, at):
-                spot.classes = {"EVERYTHING": ""}
+                pair = spot.classes["ALL"] and self._last and at > 0
+                spot.classes = {"PRONOUN": "many"} if pair else {"EVERYTHING": ""}
             if spot.thing is not None:
                 spot.thing = self._restricted(spot.thing, found, at)
         self._relate(found)
@@ -130,10 +131,12 @@ class Spotter:
             if (noun := "_".join(words[at : at + length])) in self.language.nouns:
                 words[at : at + length] = [noun]  # "chiave inglese"
                 return
-        if self._is_known(words, at):
-            return
-        if self.code == "de" and (parts := self.language.parts(word)):
+        compound = self.code == "de" and word not in names and word not in self.language.words
+        parts = self.language.parts(word) if compound else None
+        if parts is not None and (not self._is_known(words, at) or self.language.is_noun(parts[1])):
             words[at : at + 1] = list(parts)
+        elif self._is_known(words, at):
+            return
         elif meant := nearest_spelling(word, names | self.language.words):
             self.slips[word] = words[at] = meant
 
@@ -160,7 +163,8 @@ class Spotter:
             classes = {n: v for n, v in classes.items() if n in (*QUANTITIES, "PART")}
         if phrase is not None and length < phrase.length:
             classes = {}
-        if phrase is not None and self._is_noun(words, at, classes, found, phrase):
+        modal = phrase is not None and length > phrase.length and phrase.noun
+        if phrase is not None and not modal and self._is_noun(words, at, classes, found, phrase):
             thing = Thing(" ".join(words[at : at + phrase.length]), phrase.names, phrase.plural)
             if (
                 phrase.inexact
@@ -240,6 +244,7 @@ class Spotter:
 
     def _quantify(self, spots: list[Spot]) -> None:
         """Resolve quantities that depend on their neighbours."""
+        self._settle(spots)
         named = [spot for spot in spots if spot.is_quantity]
         for spot, following in pairwise(named):
             if "height" in spot.ids and "com" in following.ids:
@@ -263,6 +268,27 @@ class Spotter:
             rest = [one for one in spots[spots.index(spot) + 1 :] if not one.has("F", "DET")]
             if not rest or rest[0].thing is not None:
                 spot.classes = {"W": "position"}
+
+    def _settle(self, spots: list[Spot]) -> None:
+        """Choose between the meanings of adjectives, and of verbs that are also nouns."""
+        effort = [spot for spot in spots if spot.has("EFFORT")]
+        moved = next((spot for spot in spots if spot.has("MOVED")), None)
+        if effort and moved is not None:
+            # "How hard is it to open?"
+            effort[0].classes, moved.classes = {"A": moved.classes["MOVED"]}, {"F": ""}
+        roles = {self.scene.bodies[n].role for s in spots if s.thing for n in s.thing.names if n in self.scene.bodies}
+        for before, spot, after in zip([None, *spots], spots, [*spots[1:], None], strict=False):
+            others = any(one.is_quantity for one in spots if one is not spot)
+            if spot.has("DEED") and spot.has("N") and after is not None and after.has("OF"):
+                spot.classes = {"N": spot.classes["N"]}  # "the grip of the mug"
+            elif spot.has("KNOWN") and after is not None and after.unknown:
+                spot.classes = {"F": ""}  # "I have lost the data sheet"
+            elif spot.classes.get("UNFELT") == "viscosity" and roles == {"fixture"}:
+                spot.classes = {"A": "damping"}
+            elif others and spot.has("SEL") and spot.is_quantity and after is not None and after.thing:
+                spot.classes = {"SEL": spot.classes["SEL"]}  # "the mass of the tallest can"
+            elif others and spot.has("A") and before is not None and before.has("'S"):
+                spot.classes = {"F": ""}  # "how stiff the drawer's slide is"
 
     def _restricted(self, thing: Thing, spots: list[Spot], at: int) -> Thing:
         """Restrict bodies by "all", numbers and sides."""

@@ -90,6 +90,10 @@ class Language:
                     return tuple(self.nouns[f"{said[:length]}*"])
         return ()
 
+    def is_noun(self, word: str) -> bool:
+        """True for a noun of the list, not for an adjective."""
+        return any(not one.startswith("+") for one in self.nouns.get(word, ()))
+
     def parts(self, word: str) -> tuple[str, str] | None:
         """Split a compound noun whose two parts are known: "Tischhöhe"; None for other words."""
         for at in range(2, len(word) - 2):
@@ -304,5 +308,6 @@ def spoken(words: Sequence[str], names: Collection[str]) -> str:
     for at, word in enumerate(words):
         if word.isalpha() and word not in names:
             for code, language in languages().items():
-                counts[code] += bool(language.match(words, at)[0] or language.concepts(word))
+                known = language.match(words, at)[0] or language.concepts(word)
+                counts[code] += bool(known or (code == "de" and language.parts(word)))
     return max(LANGUAGES, key=lambda code: counts[code])
