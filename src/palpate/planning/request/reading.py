@@ -67,7 +67,7 @@ class Clause:
     def states(self) -> bool:
         """True for a statement of an amount: "the mug weighs 300 g"."""
         amounts = [spot.classes["AMOUNT"] for spot in self.spots if spot.has("AMOUNT")]
-        asks = self.has("WIDTH", "MORE", "C", "THAN", "ABOVE", "BELOW", "WANT", "MEASURE")
+        asks = self.has("HEDGE", "WIDTH", "MORE", "C", "THAN", "ABOVE", "BELOW", "WANT", "MEASURE")
         named = bool(self.things or self.quantities)
         return bool(amounts) and named and not asks and not any(one[0] in "±+" for one in amounts)
 
@@ -364,7 +364,7 @@ class Reading:
         alone = [t for one in links if not one.quantities for t in self._things(one.things)]
         links = [one for one in links if one.quantities]
         weight = any(is_weight(spot.classes.get("AMOUNT", "")) for spot in spots)
-        limited = question or any(spot.has("THAN", "ABOVE", "BELOW") for spot in spots)
+        limited = question or any(spot.has("HEDGE", "THAN", "ABOVE", "BELOW") for spot in spots)
         if not links and alone and weight and limited:
             self._add("mass", alone, False)  # "is it over 400 g?"
             alone = []
@@ -376,8 +376,9 @@ class Reading:
         for one in links:
             self._mentions += [alone] if alone and one is links[0] else []
             things = self._things(one.things)
-            things = [t for t in things if not unweighed or t.text not in EVERYTHING]
-            every = unweighed or any(_is_every(spots, member) for member in one.quantities) or (
+            if unweighed or run[one.clause].has("MISSING"):
+                things = [t for t in things if t.text not in EVERYTHING]
+            every = unweighed or (bool(one.things) and not things) or any(_is_every(spots, member) for member in one.quantities) or (
                 not self._mentions and any(member.has("PLURAL") for member in one.quantities)
             )
             ids = list(dict.fromkeys(id for member in one.quantities for id in _ids(member)))

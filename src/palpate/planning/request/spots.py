@@ -116,6 +116,7 @@ class Spotter:
                 spot.classes = {"PRONOUN": "many"} if pair else {"EVERYTHING": ""}
             if spot.thing is not None:
                 spot.thing = self._restricted(spot.thing, found, at)
+        self._describe_everything(found, words)
         self._relate(found)
         self._find_side(found)
         return found
@@ -232,7 +233,10 @@ class Spotter:
             if spot.thing is None or spot.noun:
                 continue
             others = [o for o in (*reversed(spots[:at]), *spots[at + 1 :]) if o.thing and o.noun]
-            text, names = spot.thing.text.split(), ()
+            text = spot.thing.text.split()
+            # "The boxes and the cans, but not the red ones": those of the bodies named before.
+            lists = [o.thing.names for o in spots[:at] if o.thing and o.noun and o.thing.plural]
+            names = tuple(n for n in spot.thing.names if any(n in one for one in lists))
             for head in [o.thing.text.split() for o in (*others, *self._last) if o.thing]:
                 for noun in (head[-1], head[0]):
                     found = self.nouns.find([*text, noun], self.code)
@@ -322,6 +326,18 @@ class Spotter:
         if sides and len(thing.names) > 1:
             return self._at_side(sides[0], thing.names, thing.text)
         return thing
+
+    def _describe_everything(self, spots: list[Spot], words: list[str]) -> None:
+        """Restrict "everything" by an adjective after it: "everything made of metal"."""
+        for at, spot in enumerate(spots):
+            for one in spots[at + 1 : at + 7] if spot.has("EVERYTHING") else ():
+                if one.has("ADJ"):
+                    said = words[one.start : one.end]
+                    found = self.nouns.find(said, self.code)
+                    spot.thing = Thing(" ".join(said), found.names if found else (), plural=True)
+                    spot.classes, one.used = {}, True
+                if not one.has("DET", "F", "OF", "HOW", "SOMETHING", "REL"):
+                    break
 
     def _at_side(self, side: Spot, names: Sequence[str], text: str) -> Thing:
         name, remark = farthest(side.classes["SEL"], names, self.scene, text)
