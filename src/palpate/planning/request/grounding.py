@@ -163,7 +163,7 @@ def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
         following = spots[at + 1] if at + 1 < len(spots) else None
         if expected and before is not None and before.has("AND", "OR", ","):
             expected = following is None or following.has(",", "AND", "OR", "W", "F", "REL")
-        named = any(one.thing is not None and one.thing.names for one in spots)
+        named = any(one.has("PRONOUN") or (one.thing and one.thing.names) for one in spots)
         expected = expected or (not named and any(one.has("NUM") for one in spots[start:at]))
         if not expected and (start < at or known) and following is not None:
             expected = following.has("W", "'S", "N") and not named

@@ -257,6 +257,7 @@ class Reading:
     _base: bool = True
     _spared: bool = False
     _specific: bool = False
+    _knows: bool = False
     _named: set[str] = field(default_factory=set[str])
     _quantified: bool = False
     _alone: list[Thing] = field(default_factory=list[Thing])
@@ -269,6 +270,10 @@ class Reading:
         before: Clause | None = None
         named: Clause | None = None
         parts = clauses(spots)
+        if "EXCEPT" in parts[0].intro and any(
+            _is_known(one) and one.has(*_WHOLE) for one in parts[1:]
+        ):
+            self._base = False  # "apart from the mug, everything is known"
         for part in parts:
             others = any(one.quantities for one in parts if one is not part)
             if part.spots[0].has("COND") and others:
@@ -431,7 +436,7 @@ class Reading:
         for spot in spots:
             spot.used = True
             found.append(spot.thing if spot.thing is not None else self._everything(spot))
-        if any(spot.has("EVERYTHING") for spot in spots[:1]) and self._specific:
+        if self._specific and found and self._is_whole(found[0]):
             found = found[1:] or found  # "everything, that is the mug and the bottle"
         # A general noun refers to what was named before: "that thing".
         objects = tuple(self.resolver.scene.objects)
@@ -440,6 +445,9 @@ class Reading:
             found = [one for one in found if one not in general]
         self._named.update(name for one in found for name in one.names if one.text not in EVERYTHING)
         return found
+
+    def _is_whole(self, thing: Thing) -> bool:
+        return set(thing.names) >= set(self.resolver.scene.objects)
 
     def _add(self, id: str, things: list[Thing], every: bool) -> None:
         """Ask for a quantity of bodies, else of the last mentioned ones, else of all."""
@@ -471,10 +479,10 @@ class Reading:
         ids = [id for spot in part.quantities for id in _ids(spot)]
         for spot in part.quantities:
             spot.used = True
+        self._knows = self._knows or _is_known(part)
         if part.has("THATOF") and not ids:
             ids = self._seen
-        refers = part.has("ITS") or part.spots[0].has("WHICH", "SOMETHING")
-        if ids and not things and refers and (named is not None or self._mentions):
+        if ids and not things and (named is not None or self._mentions):
             # "The mug: I know its mass already."
             things = self._things(named.things) if named is not None else self._mentions[-1]
         if things or ids:
@@ -518,7 +526,7 @@ class Reading:
                 self.problems.append(problem)
         # Beside a quantity, "what is missing" without bodies is a remark.
         missing = [one for one in self._missing if one or not self._quantified]
-        if not self._quantified and not missing and self._alone and self.bare:
+        if not self._quantified and not missing and self._alone and (self.bare or self._knows):
             missing = [self._alone]
         for things in missing:
             self._require_present(things)
@@ -550,6 +558,11 @@ class Reading:
             listed = ",".join(str(one) for one in dict.fromkeys(offered))
             self.remarks.append(f"Assumed, not measured: {listed}; add --measure {listed}.")
         self.looked = True
+
+
+def _is_known(part: Clause) -> bool:
+    """True for a clause that states what is known."""
+    return part.has("KNOWN") and not part.has("NOT", "TOKNOW", "MISSING")
 
 
 def _ids(spot: Spot) -> tuple[str, ...]:

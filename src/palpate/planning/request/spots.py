@@ -26,6 +26,8 @@ _BEFORE_ADJECTIVE = (
     *("WHICH", "SEL", "W", "BUT"),
 )
 """Classes after which an adjective stands for a body: "the red"."""
+_WITH = ("with", "mit", "avec", "con")
+"""Words before the contents of a container."""
 _SMALL = ("DET", "OF", "NUM", "SEL", "ALL", "F")
 
 
@@ -140,6 +142,10 @@ class Spotter:
             return
         elif meant := nearest_spelling(word, names | self.language.words):
             self.slips[word] = words[at] = meant
+        elif self.code == "de":
+            # The head of a compound: "Kasten" for "Probenkasten".
+            tails = (word[start:] for start in range(3, len(word) - 3))
+            words[at] = next(filter(self.language.is_noun, tails), word)
 
     def _is_known(self, words: Sequence[str], at: int) -> bool:
         if not words[at].isalpha() or self.nouns.match(words, at, self.code):
@@ -189,7 +195,7 @@ class Spotter:
         if phrase is None or len(phrase.names) < 2 or at + phrase.length + 1 >= len(words):
             return phrase
         end = at + phrase.length
-        if "OF" in self.language.match(words, end)[1]:
+        if words[end] in _WITH or "OF" in self.language.match(words, end)[1]:
             said = self.nouns.find([*words[at:end], words[end + 1]], self.code)
             if said is not None and said.names and set(said.names) < set(phrase.names):
                 return replace(phrase, length=phrase.length + 2, names=said.names)
@@ -275,6 +281,7 @@ class Spotter:
 
     def _settle(self, spots: list[Spot]) -> None:
         """Choose between the meanings of adjectives, and of verbs that are also nouns."""
+        done = any(spot.has("DONE") for spot in spots)
         effort = [spot for spot in spots if spot.has("EFFORT")]
         moved = next((spot for spot in spots if spot.has("MOVED")), None)
         if effort and moved is not None:
@@ -285,7 +292,7 @@ class Spotter:
             others = any(one.is_quantity for one in spots if one is not spot)
             if spot.has("DEED") and spot.has("N") and after is not None and after.has("OF"):
                 spot.classes = {"N": spot.classes["N"]}  # "the grip of the mug"
-            elif spot.has("KNOWN") and after is not None and after.unknown:
+            elif spot.has("KNOWN") and after and after.unknown and not done:
                 spot.classes = {"F": ""}  # "I have lost the data sheet"
             elif spot.classes.get("UNFELT") == "viscosity" and roles == {"fixture"}:
                 spot.classes = {"A": "damping"}
@@ -305,6 +312,8 @@ class Spotter:
         if any(one.has("ALL") for one in before):
             thing = replace(thing, plural=True)
             _use(before)
+        if self.code == "de" and len(thing.names) > 1 and self._is_unmarked(spots, at, thing):
+            thing = replace(thing, plural=True)
         number = next((one.classes["NUM"] for one in before if one.has("NUM")), "")
         if number and thing.names:
             if len(thing.names) != int(number):
@@ -338,6 +347,13 @@ class Spotter:
                     spot.classes, one.used = {}, True
                 if not one.has("DET", "F", "OF", "HOW", "SOMETHING", "REL"):
                     break
+
+    def _is_unmarked(self, spots: Sequence[Spot], at: int, thing: Thing) -> bool:
+        """True for a German noun that may be a plural without an ending: "die Würfel", "Massen der Hammer"."""
+        determined = at > 0 and spots[at - 1].has("DET")
+        before = spots[at - 2] if at > 1 and determined else None
+        plural = any(one.has("PLURAL") for one in spots[:at])
+        return thing.text.endswith(("e", "el", "er", "en")) and (plural or (not determined and before is None))
 
     def _at_side(self, side: Spot, names: Sequence[str], text: str) -> Thing:
         name, remark = farthest(side.classes["SEL"], names, self.scene, text)
