@@ -169,6 +169,42 @@ def test_scope_is_kept_in_five_languages(request_: str, place: str, proposed: st
     assert set(found) == {f"{name}.mass" for name in proposed.split()}
 
 
+@pytest.mark.parametrize(
+    ("request_", "proposed"),
+    [
+        ("Apart from the mug, everything is known.", "mug.mass"),
+        ("Weigh the mug, the rest is known.", "mug.mass"),
+        ("Die Kisten wiegen, den Rest kenne ich schon.", "red_box.mass blue_box.mass"),
+        ("Everything's known but the mug. Weigh that one.", "mug.mass"),
+        ("We need the weight of the box, no wait, the mug.", "mug.mass"),
+        ("Weigh the boxes and the mug, but not the red ones.", "blue_box.mass mug.mass"),
+        ("Weigh everything, namely the mug and the bottle.", "mug.mass bottle.mass"),
+        ("Would the mug slide if I tilted the table?", "mug.friction"),
+        ("Wie rutschig ist die Tasse, und was wiegt die Flasche?", "mug.friction bottle.mass"),
+        (
+            "mass of the mug, the bottle and the friction of the red box",
+            "mug.mass bottle.mass red_box.friction",
+        ),
+        ("I think the mug is around 300 g. Please confirm.", "mug.mass"),
+        ("How hard is it to slide the mug?", "mug.friction"),
+        (
+            "Masse der Kisten, Reibung nur von der roten Kiste",
+            "red_box.mass blue_box.mass red_box.friction",
+        ),
+        ("¿Cuál de las dos cajas pesa menos?", "red_box.mass blue_box.mass"),
+        ("J'ai déjà la masse de la tasse, donne-moi son centre de gravité.", "mug.com"),
+        ("I don't know anything about the mug.", "mug.mass"),
+    ],
+)
+def test_named_bodies_have_priority_and_clauses_keep_their_quantities(request_: str, proposed: str):
+    assert set(meaning(request_)) == set(proposed.split())
+
+
+def test_an_ambiguous_body_does_not_hide_the_others():
+    found, _ = proposal("Weigh the box and the mug.")
+    assert found == ["mug.mass"]
+
+
 def test_a_known_quantity_is_left_out_of_a_proposal():
     found = meaning("Miss die Reibung der Tasse. Die Masse kenne ich schon.")
     assert found == ["mug.friction"]

@@ -270,8 +270,10 @@ class Reading:
         before: Clause | None = None
         named: Clause | None = None
         parts = clauses(spots)
-        if "EXCEPT" in parts[0].intro and any(
-            _is_known(one) and one.has(*_WHOLE) for one in parts[1:]
+        if (
+            parts
+            and "EXCEPT" in parts[0].intro
+            and any(_is_known(one) and one.has(*_WHOLE) for one in parts[1:])
         ):
             self._base = False  # "apart from the mug, everything is known"
         for part in parts:
@@ -383,8 +385,11 @@ class Reading:
             things = self._things(one.things)
             if unweighed or run[one.clause].has("MISSING"):
                 things = [t for t in things if t.text not in EVERYTHING]
-            every = unweighed or (bool(one.things) and not things) or any(_is_every(spots, member) for member in one.quantities) or (
-                not self._mentions and any(member.has("PLURAL") for member in one.quantities)
+            every = (
+                unweighed
+                or (bool(one.things) and not things)
+                or any(_is_every(spots, member) for member in one.quantities)
+                or (not self._mentions and any(member.has("PLURAL") for member in one.quantities))
             )
             ids = list(dict.fromkeys(id for member in one.quantities for id in _ids(member)))
             for member in one.quantities:
@@ -443,7 +448,9 @@ class Reading:
         general = [t for t in found if t.names == objects and not t.plural and len(objects) > 1]
         if general and not self.compares and (self._mentions or len(found) > len(general)):
             found = [one for one in found if one not in general]
-        self._named.update(name for one in found for name in one.names if one.text not in EVERYTHING)
+        self._named.update(
+            name for one in found for name in one.names if one.text not in EVERYTHING
+        )
         return found
 
     def _is_whole(self, thing: Thing) -> bool:
@@ -514,7 +521,9 @@ class Reading:
                 for one in things
             ]
             for id in ids or [None]:
-                excluded.update(self.resolver.exclusions(id, specific) if specific or not things else ())
+                excluded.update(
+                    self.resolver.exclusions(id, specific) if specific or not things else ()
+                )
         asked = self.resolver.order_parameters(self.asked)
         self.wanted = tuple(one for one in asked if one not in excluded)
 

@@ -287,7 +287,13 @@ class Spotter:
         if effort and moved is not None:
             # "How hard is it to open?"
             effort[0].classes, moved.classes = {"A": moved.classes["MOVED"]}, {"F": ""}
-        roles = {self.scene.bodies[n].role for s in spots if s.thing for n in s.thing.names if n in self.scene.bodies}
+        roles = {
+            self.scene.bodies[n].role
+            for s in spots
+            if s.thing
+            for n in s.thing.names
+            if n in self.scene.bodies
+        }
         for before, spot, after in zip([None, *spots], spots, [*spots[1:], None], strict=False):
             others = any(one.is_quantity for one in spots if one is not spot)
             if spot.has("DEED") and spot.has("N") and after is not None and after.has("OF"):
@@ -296,7 +302,13 @@ class Spotter:
                 spot.classes = {"F": ""}  # "I have lost the data sheet"
             elif spot.classes.get("UNFELT") == "viscosity" and roles == {"fixture"}:
                 spot.classes = {"A": "damping"}
-            elif others and spot.has("SEL") and spot.is_quantity and after is not None and after.thing:
+            elif (
+                others
+                and spot.has("SEL")
+                and spot.is_quantity
+                and after is not None
+                and after.thing
+            ):
                 spot.classes = {"SEL": spot.classes["SEL"]}  # "the mass of the tallest can"
             elif others and spot.has("A") and before is not None and before.has("'S"):
                 spot.classes = {"F": ""}  # "how stiff the drawer's slide is"
@@ -353,7 +365,9 @@ class Spotter:
         determined = at > 0 and spots[at - 1].has("DET")
         before = spots[at - 2] if at > 1 and determined else None
         plural = any(one.has("PLURAL") for one in spots[:at])
-        return thing.text.endswith(("e", "el", "er", "en")) and (plural or (not determined and before is None))
+        return thing.text.endswith(("e", "el", "er", "en")) and (
+            plural or (not determined and before is None)
+        )
 
     def _at_side(self, side: Spot, names: Sequence[str], text: str) -> Thing:
         name, remark = farthest(side.classes["SEL"], names, self.scene, text)
