@@ -512,8 +512,9 @@ class Reading:
         else:
             self._ask()
         # "The rest is known" excludes no body that a wish names.
-        named = {name for one in self._wishes for thing in one.things for name in thing.names}
-        named = named if any(not one.is_general for one in self._wishes) else set[str]()
+        wished = [one.things for one in self._wishes if not one.is_general]
+        wished += [] if self._quantified else [self._alone]
+        named = {name for things in wished for thing in things for name in thing.names}
         excluded: set[Parameter] = set()
         for ids, things in self._excluded:
             specific = [
