@@ -4,9 +4,11 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+import numpy as np
 import pytest
 from performing import sequence
 
+from bench.faults.faulty import FaultyRobot
 from bench.harm.judge import harm
 from palpate.execution.runner import run
 from palpate.execution.witness import Witness
@@ -243,3 +245,14 @@ def test_a_soft_object_is_recognised_by_its_width_without_a_force(stiffness, siz
     done = run(Plan((), sequence(*steps, "CloseGripper"), ""), believed, robot)
     assert (done.stopped_by is None) == (reason is None), done.stopped_by
     assert reason is None or reason in str(done.stopped_by)
+
+
+def test_an_object_that_never_left_its_support_is_released_whatever_the_joints_feel(scene) -> None:
+    """Closing fingers push on the arm, and its joints' friction then looks like a weight of 2.5 N."""
+    robot = MujocoRobot(scene.spec({}), scene.pose_world_base, scene.arm)
+    faulty = FaultyRobot(robot, 0.0)
+    feels = np.array([0.0, 0.0, 2.5, 0.0, 0.0, 0.0])
+    faulty.lie = lambda state, _: replace(state, contact=state.contact + state.gripping * feels)
+    steps = ("OpenGripper", LIFT, AT, "CloseGripper", "OpenGripper")
+    done = run(Plan((), sequence(*steps), "a test"), scene, faulty)
+    assert (done.status, done.stopped_by) == ("complete", None)

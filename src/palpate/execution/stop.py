@@ -24,7 +24,7 @@ from palpate.primitives.base import ARM, GRIPPER, Blackboard, LeafFailure, Primi
 from palpate.primitives.gripper import finish_fingers
 from palpate.primitives.guarding import DOWN, WrenchFilter, finish, settle, wait_for_contact
 from palpate.primitives.handle import return_fixture
-from palpate.primitives.load import UNFELT
+from palpate.primitives.load import AT_GRASP, UNFELT
 from palpate.primitives.motion import state_at_rest
 from palpate.primitives.rules import motion
 from palpate.primitives.rules.collision import finger_collisions
@@ -33,8 +33,6 @@ from palpate.primitives.rules.support import footing, is_as_found, stable
 from palpate.primitives.state import SymbolicState
 from palpate.robots.safety import Expectation
 
-AT_GRASP = 0.003
-"""m, height above an object's grasp pose up to which the object is still on its support."""
 EXTRA_TRAVEL = 0.015
 """m of travel below the believed support: covers sag of the arm, pose error and a soft support."""
 PRESSED = 5.0

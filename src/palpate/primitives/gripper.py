@@ -115,11 +115,12 @@ class OpenGripper(Primitive):
         return Expectation(holding=state.holding is not None, contact=True)
 
     def run(self, blackboard: Blackboard) -> Steps:
-        name = blackboard.state.holding
-        if name is not None:
-            # Open only if the support carries the object.
+        name, load = blackboard.state.holding, blackboard.load
+        # Open only if the support carries the object. One that never left it is carried. The force that the closing
+        # fingers leave in the joints would look like a weight of newtons.
+        if name is not None and not load.is_where_it_stood(blackboard.robot.state.pose_world_tcp):
             wrench = yield from median_wrench(blackboard)
-            if reason := blackboard.load.explain_carried_load(wrench):
+            if reason := load.explain_carried_load(wrench):
                 raise LeafFailure(
                     f"{reason} of '{name}', which would fall; lower it onto its support first"
                 )
@@ -212,7 +213,12 @@ class CloseGripper(Primitive):
                 "it is not at its believed pose; look again"
                 f"{_picture_advice(blackboard.state)}"
             )
-        blackboard.load = replace(blackboard.load, width=width, gives=met - width)
+        blackboard.load = replace(
+            blackboard.load,
+            width=width,
+            gives=met - width,
+            grasped_at=robot.state.pose_world_tcp,
+        )
         return f"grasped at {1e3 * width:.1f} mm"
 
     def _close(

@@ -26,6 +26,8 @@ TURNED = 0.15  # N m in addition, since the pads are compliant
 # N, largest weight that cannot be distinguished from zero. Franka states a relative accuracy of 0.8
 # N, and joints stick.
 UNFELT = 1.5
+# m, distance of the hand from where it grasped up to which an object that was never lifted is where it stood
+AT_GRASP = 0.003
 # Largest plausible friction between an object and its support: rubber on dry concrete.
 ROUGHEST = 1.0
 # N, least normal force for a friction coefficient: ten times Franka's relative accuracy.
@@ -50,6 +52,7 @@ class FingerLoad:
     # biases the weight in `hanging` by newtons.
     heaviest: float = math.inf
     gives: float = 0.0  # m by which the full force compressed it
+    grasped_at: Pose | None = None  # pose (world) of the TCP as they closed; None before
 
     def after_drag(self, wrench: Array) -> FingerLoad:
         """Update the friction bound by the wrench (6,) while the object is dragged along its support."""
@@ -119,6 +122,11 @@ class FingerLoad:
             f"the support carries {self.support_load(wrench):.1f} N, and the fingers still carry the rest of the "
             f"{self.weight:.1f} N"
         )
+
+    def is_where_it_stood(self, tool: Pose) -> bool:
+        """True if the object never hung free, and the hand at `tool` is where it grasped the object."""
+        never_hung = self.hanging is None and self.grasped_at is not None
+        return never_hung and tool.distance_to(self.grasped_at) <= AT_GRASP
 
     def support_load(self, wrench: Array) -> float:
         """Return the load, N, that the support takes off the fingers; 0 if the object never hung free."""
