@@ -64,6 +64,8 @@ SHORT_LIFT = 0.4
 COVERED = 0.4
 """fraction of the lift that a pass must cover, so that all passes have bins in common. Sensitive:
 mass 1.5 σ, std ×1.0–1.5."""
+DENSE = 0.1
+"""fraction of the rows between its ends that a pass must have. Passes with one change of speed have 0.3. Not sensitive."""
 LIFT_MIN = 0.02
 """m: shortest lift along which passes are compared. Not sensitive."""
 REST_ROWS = 5
@@ -451,7 +453,9 @@ def _passes(samples: Samples, load: LoadRows, path: LiftPath) -> list[SegmentCut
     def motions(kind: str, which: Mask) -> Iterator[SegmentCut]:
         for loaded, mask in ((True, load.loaded), (False, load.empty)):
             for rows in _join_passes(inside & which & mask, samples.t):
-                if np.ptp(progress[rows]) > COVERED * path.length:
+                # A few rows far apart are no pass: they would leave the others hardly any common stretch.
+                dense = len(rows) > DENSE * (rows[-1] - rows[0])
+                if dense and np.ptp(progress[rows]) > COVERED * path.length:
                     yield SegmentCut(kind, loaded, rows)
 
     # Prefer steady rows for each direction.
@@ -490,6 +494,8 @@ def _bin_passes(signals: _Signals, passes: Sequence[SegmentCut]) -> list[Segment
         # Average the bins that hold rows of this pass.
         rows = np.arange(len(progress))[cut.rows]
         filled = [k for k in range(BINS) if np.any(bins[rows] == k)]
+        if not filled:  # a change of speed within the common stretch
+            continue
         found.append(signals.segment(cut, [rows[bins[rows] == k] for k in filled]))
     return found
 
