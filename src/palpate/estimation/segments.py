@@ -65,7 +65,7 @@ COVERED = 0.4
 """fraction of the lift that a pass must cover, so that all passes have bins in common. Sensitive:
 mass 1.5 σ, std ×1.0–1.5."""
 DENSE = 0.1
-"""fraction of the rows between its ends that a pass must have; a pass with one change of speed has 0.3. Not sensitive."""
+"""fraction of the rows between its ends that a pass must have; a pass that changes its speed has 0.3. Not sensitive."""
 LIFT_MIN = 0.02
 """m: shortest lift along which passes are compared. Not sensitive."""
 REST_ROWS = 5
