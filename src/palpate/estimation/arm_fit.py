@@ -19,6 +19,7 @@ from palpate.estimation.arm_motion import (
     frequencies,
     transform_signal,
 )
+from palpate.estimation.joint_causes import build_gain, label_link, per_joint, response_columns
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, PriorScale, fit
 from palpate.estimation.rigid_bodies import (
@@ -29,6 +30,7 @@ from palpate.estimation.rigid_bodies import (
     placed_at,
     regressor,
 )
+from palpate.estimation.wrench_observation import CROSSTALK, GAIN
 from palpate.trace.recording import Chain
 from palpate.trace.samples import STANDARD_GRAVITY
 
@@ -43,7 +45,7 @@ HAND_REACH = 0.1
 Sensitive: hand 0.1 σ, std ×1.0–1.0; others at most 1.0 σ, std ×0.8–1.0."""
 
 LINKS, COULOMB = "links", "coulomb"
-HAND, GAIN, COMMON, CROSSTALK = "hand", "gain", "common gain", "cross-talk"
+HAND, COMMON = "hand", "common gain"
 WEIGHT, INERTIA = "weight", "inertia"
 PARTS = {WEIGHT: slice(0, 4), INERTIA: slice(4, PARAMETERS)}
 """Parameters of the links: masses and first moments, observable by gravity, and inertias."""
@@ -133,20 +135,14 @@ class FeltTorque:
 
     def columns(self) -> dict[str, Array]:
         """Columns (k, 7, …) of sensor gains, cross-talk and delay, and of friction that grows with the torque."""
-        joints = self.torque.shape[1]
-        # The sensor of a joint responds to the torque of each other joint.
-        pairs = [(i, j) for i in range(joints) for j in range(joints) if i != j]
         torque = transform_signal(self.torque, self.step)
-        read = np.zeros((*torque.shape, len(pairs)))
-        for column, (i, j) in enumerate(pairs):
-            read[:, i, column] = torque[:, j]
         change = np.gradient(self.torque, self.step, axis=0)
         loads = self.friction * (np.abs(self.torque) - self.usual)
         return {
-            GAIN: each(torque),
-            CROSSTALK: read,
+            GAIN: per_joint(torque),
+            CROSSTALK: response_columns(torque),
             "delay": transform_signal(change, self.step)[:, :, None],
-            "loaded": each(transform_signal(loads, self.step)),
+            "loaded": per_joint(transform_signal(loads, self.step)),
         }
 
 
@@ -229,7 +225,8 @@ def _stretch(motion: JointMotion, setup: Setup) -> SpectrumRows:
         LINKS: links.reshape(*links.shape[:2], -1),
         "lean": transform_signal(np.stack(lean, axis=2), step),
         **{
-            name: each(*(transform_signal(one, step) for one in some)) for name, some in own.items()
+            name: per_joint(*(transform_signal(one, step) for one in some))
+            for name, some in own.items()
         },
         **{name: centred[..., part].reshape(*links.shape[:2], -1) for name, part in PARTS.items()},
     }
@@ -262,12 +259,6 @@ def _frictions(motion: JointMotion) -> dict[str, list[Array]]:
         "stribeck": [usual * np.exp(-speed / slow) for slow in STRIBECK_SPEEDS],
         "strained": [*np.moveaxis(motion.strained, 2, 0)],
     }
-
-
-def each(*signals: Array) -> Array:
-    """Columns (k, 7, 7 s) that give each joint its own coefficient of each of s signals (k, 7)."""
-    joints = np.eye(signals[0].shape[1])
-    return np.concatenate([signal[:, :, None] * joints for signal in signals], axis=2)
 
 
 # Fit of an arm's torques: causes with priors; noise and presliding are learned from the recording
@@ -356,16 +347,7 @@ PRIORS = {
     "delay": DELAY_PRIOR,
 }
 """Prior standard deviation, about 0, of each unknown of a cause."""
-LABELS = {
-    GAIN: tuple(f"gain of joint {joint}" for joint in range(1, 8)),
-    COMMON: ("gain of all joints",),
-    WEIGHT: tuple(
-        f"link {kind} at joint {joint}"
-        for joint in range(1, 8)
-        for kind in ("mass", *(f"centre along {axis}" for axis in "xyz"))
-    ),
-}
-"""Names of unknowns whose errors are shared with other runs of the arm."""
+LINK_LABELS = tuple(label for joint in range(7) for label in label_link(joint))
 RELATIVE = ("presliding", "uneven", "stribeck")
 """Causes with priors relative to the joint's friction."""
 
@@ -402,29 +384,23 @@ class Assumed:
     def _cause(self, rows: SpectrumRows, name: str, level: Array) -> Cause:
         """Build one cause: columns, prior, and labels of shared errors."""
         # Columns and prior of the links, the hand, sensor gains, and all other causes.
-        if name in PARTS:
-            columns = rows.columns[name]
-            prior = self.bodies.errors[:, PARTS[name]].ravel()
-        elif name == HAND:
+        if name == GAIN:
+            return build_gain((rows.columns[GAIN] @ self.gains).reshape(rows.tau.size, -1))
+        if name == COMMON:
+            common = rows.columns[GAIN].sum(axis=2, keepdims=True)
+            return Cause.build(name, common, self.common, "arm", ("gain of all joints",))
+        if name == HAND:
             columns = rows.columns[LINKS][:, :, -PARAMETERS:] @ placed_at(self.bodies.reach)
-            prior = self.bodies.hand_prior()
-        elif name == GAIN:
-            columns, prior = rows.columns[GAIN] @ self.gains, np.ones(len(self.gains))
-        elif name == COMMON:
-            columns = rows.columns[GAIN].sum(axis=2, keepdims=True)
-            prior = np.array([self.common])
-        elif name == CROSSTALK:
-            columns = rows.columns[CROSSTALK]
-            prior = np.full(columns.shape[2], self.crosstalk)
-        else:
-            columns = rows.columns[name]
-            prior = np.full(columns.shape[2], PRIORS[name])
-        if name in RELATIVE:
+            return Cause.build(name, columns, self.bodies.hand_prior())
+        columns, of = rows.columns[name], "arm" if name == WEIGHT else None
+        if name in PARTS:
+            prior = self.bodies.errors[:, PARTS[name]].ravel()
+        elif name in RELATIVE:
             # Scale relative priors by the friction of each joint.
-            prior *= np.tile(level, len(prior) // len(level))
-        shared = LABELS.get(name)
-        of = None if shared is None else "arm"
-        return Cause(name, columns.reshape(rows.tau.size, -1), prior, of, shared or ())
+            prior = PRIORS[name] * np.tile(level, columns.shape[2] // len(level))
+        else:
+            prior = self.crosstalk if name == CROSSTALK else PRIORS[name]
+        return Cause.build(name, columns, prior, of, LINK_LABELS if of else ())
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -14,7 +14,6 @@ from palpate.common.pose import Array, Pose, components
 from palpate.estimation.arm_dynamics import SURELY
 from palpate.estimation.arm_fit import (
     COMMON,
-    CROSSTALK,
     DETAILS,
     FRICTION,
     OFFSET_PRIOR,
@@ -24,7 +23,6 @@ from palpate.estimation.arm_fit import (
     Bodies,
     Setup,
     SpectrumRows,
-    each,
     fit_arm,
 )
 from palpate.estimation.arm_motion import (
@@ -48,20 +46,27 @@ from palpate.estimation.estimate import (
     unit_slopes,
 )
 from palpate.estimation.evidence import once
-from palpate.estimation.joint_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS
+from palpate.estimation.joint_causes import (
+    DRIFT,
+    DRIFT_TIME,
+    LINK_CENTRE,
+    LINK_MASS,
+    per_joint,
+)
 from palpate.estimation.joint_friction import FLOOR
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
 from palpate.estimation.regression import Cause, Posterior, PriorScale
 from palpate.estimation.rigid_bodies import (
-    PARAMETERS,
+    BODY_PRIOR,
     inertia_about_centre,
     jacobian,
     linear,
     load_torques,
     of_box,
     pseudo_inertia,
+    repeat_prior,
 )
 from palpate.estimation.sensed_load import (
     SensedLoad,
@@ -71,6 +76,7 @@ from palpate.estimation.sensed_load import (
     sensed_tests,
 )
 from palpate.estimation.wrench_observation import (
+    CROSSTALK,
     CROSSTALK_SHARE,
     TORQUE_LEVER,
     common_gain,
@@ -81,11 +87,8 @@ from palpate.mjcf.body import Body
 from palpate.trace.recording import ArmLog, Recording
 from palpate.trace.samples import Trace
 
-CARRIED_PRIOR = (30.0, 10.0, 1.0)
-"""kg, kg m and kg m² (1 sigma): wide prior of mass, first moment and inertia of a load, about which
-nothing is known. Not sensitive."""
-HAND_PRIOR = (3.0, 0.5, 0.05)
-"""kg, kg m and kg m² (1 sigma): the same prior for an unknown end effector. Not sensitive."""
+HAND_PRIOR = repeat_prior(3.0, 0.5, 0.05)
+"""As `BODY_PRIOR`, for an unknown end effector. Not sensitive."""
 RESTARTED = 5.0
 """s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not sensitive."""
 LIKELY_RESTART = (0.7, 0.3)
@@ -215,36 +218,24 @@ def _loads(
     """Yield the load in its stretches; the hand in all stretches where its mass is requested."""
     # Torques of a unit of each parameter, zero where the load was not carried.
     borne = [hung * torque for hung, torque in zip(hanging, torques, strict=True)]
-    loads = [(LOAD, borne, CARRIED_PRIOR)]
+    loads = [(LOAD, borne, BODY_PRIOR)]
     if trace.converted(Parameter(HAND, "mass")) is not None:
         loads.append((HAND, list(torques), HAND_PRIOR))
     for name, parts, prior in loads:
         rows = [transform_signal(part, one.step) for part, one in zip(parts, motions, strict=True)]
-        columns = equal.combine(rows).reshape(-1, PARAMETERS)
-        yield Cause(name, columns, _prior(prior)), parts
-
-
-def _prior(sizes: tuple[float, float, float]) -> Array:
-    """Repeat the deviations of mass, first moment and inertia to (10,)."""
-    return np.repeat(sizes, (1, 3, 6))
+        yield Cause.build(name, equal.combine(rows), prior), parts
 
 
 def _restarts(log: ArmLog, equal: EqualMotions, motions: Sequence[JointMotion]) -> Iterator[Cause]:
     """Yield new sensor zeros and friction states after each long gap in the recording."""
     for i in np.flatnonzero(np.diff(log.t) > RESTARTED).tolist():
         # A restart changes only the later stretches.
-        columns = equal.combine(
-            [
-                float(one.t[0] > log.t[i])
-                * each(
-                    transform_signal(np.ones_like(one.q), one.step),
-                    *np.moveaxis(transform_signal(one.strained, one.step), 2, 0),
-                )
-                for one in motions
-            ]
-        )
-        prior = np.full(columns.shape[2], OFFSET_PRIOR)
-        yield Cause(f"start at {log.t[i + 1]:g} s", columns.reshape(-1, len(prior)), prior)
+        parts: list[Array] = []
+        for one in motions:
+            signals = [np.ones_like(one.q), *np.moveaxis(one.strained, 2, 0)]
+            own = per_joint(*(transform_signal(signal, one.step) for signal in signals))
+            parts.append(float(one.t[0] > log.t[i]) * own)
+        yield Cause.build(f"start at {log.t[i + 1]:g} s", equal.combine(parts), OFFSET_PRIOR)
 
 
 def _drift(equal: EqualMotions, motions: Sequence[JointMotion]) -> Cause:
@@ -255,10 +246,8 @@ def _drift(equal: EqualMotions, motions: Sequence[JointMotion]) -> Cause:
     parts: list[Array] = []
     for one, row in zip(motions, root, strict=True):
         level = transform_signal(np.ones_like(one.q), one.step)
-        parts.append(each(*(own * level for own in row)))
-    columns = equal.combine(parts)
-    prior = np.full(columns.shape[2], DRIFT * TORQUE_LEVER)
-    return Cause(ZERO_DRIFT, columns.reshape(-1, len(prior)), prior)
+        parts.append(per_joint(*(own * level for own in row)))
+    return Cause.build(ZERO_DRIFT, equal.combine(parts), DRIFT * TORQUE_LEVER)
 
 
 def _stretches(log: ArmLog, rows: Mask) -> Iterator[JointMotion]:
@@ -553,7 +542,7 @@ def _same_in_all_parts(trace: Trace, found: CarriedLoad | SensedLoad) -> tuple[F
     if not parts:
         return ()
     # Test an extra mass in each part but the first.
-    cause = Cause("mass in all parts", np.column_stack(parts), np.full(len(parts), 1.0))
+    cause = Cause.build("mass in all parts", np.column_stack(parts), 1.0)
     finding = (
         "The mass differs between parts of the recording: the load was not carried in all of its windows, was carried "
         "outside of them, or touched something."

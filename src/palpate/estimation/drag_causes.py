@@ -135,8 +135,7 @@ def build_support(columns: Array, mu: float) -> list[Cause]:
     found: list[Cause] = []
     for name, which, prior, of in SUPPORT:
         std = prior * mu if name in UNEVEN else prior
-        own = columns[:, which]
-        found.append(Cause(name, own, np.full(int(own.shape[1]), std), of))
+        found.append(Cause.build(name, columns[:, which], std, of))
     return found
 
 

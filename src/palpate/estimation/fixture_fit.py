@@ -280,7 +280,7 @@ def _onset(passes: Passes, lever: float, number: int, dry: float) -> Cause:
     """
     last = len(HANDLE_ONSET) - 1
     near = [_come_in(passes, lever, min(max(number + i, 0), last)) for i in (-1, 1)]
-    return Cause(ONSET, (dry * passes.held * (near[1] - near[0]))[:, None], np.array([0.25]))
+    return Cause.build(ONSET, (dry * passes.held * (near[1] - near[0]))[:, None], 0.25)
 
 
 def _come_in(passes: Passes, lever: float, number: int) -> Array:
@@ -301,37 +301,30 @@ def _of_joint(passes: Passes, joint: Joint, lever: float, number: int) -> Iterat
         (INERTIA, passes.acceleration, HANDLE_MASS * lever**2),
     )
     for name, column, size in columns:
-        yield Cause(name, (held * column)[:, None], np.array([size]))
+        yield Cause.build(name, (held * column)[:, None], size)
     # Gravity: a constant for a slide or an upright hinge.
     pulls = [np.ones_like(position)]
     if not joint.is_slide and abs(joint.axis[2]) < 1.0 - HANDLE_LEVEL**2 / 2:
         # About a tilted axis the moment of the weight is a sinusoid of the position.
         pulls += [np.sin(passes.travel), np.cos(passes.travel) - 1.0]
-    prior: Array = np.full(len(pulls), HANDLE_FORCE * lever)
-    yield Cause(PULL, held[:, None] * np.column_stack(pulls), prior)
+    yield Cause.build(PULL, held[:, None] * np.column_stack(pulls), HANDLE_FORCE * lever)
 
 
 def _of_arm(passes: Passes, lever: float) -> Iterator[Cause]:
     """Yield causes of force in the arm itself: drift, zeros, joint friction and inertia of the links."""
     drift = HANDLE_DRIFT * lever**2
     # With and without the handle the arm has nearly the same poses, so most of its drift is common to both.
-    yield Cause("drift", passes.travel[:, None], np.array([drift]))
+    yield Cause.build("drift", passes.travel[:, None], drift)
     # Each recording has its own zero and a small own slope.
     for number in np.unique(passes.recording).tolist():
         here = (passes.recording == number).astype(float)
         columns = np.column_stack([here, here * passes.travel])
-        prior = np.array([HANDLE_FORCE * lever, HANDLE_ELSEWHERE * drift])
-        yield Cause(f"zero {number:.0f}", columns, prior)
-    # Dry and viscous friction of the arm's joints, and inertia of its links.
-    joints = passes.rubbing.shape[1]
-    if joints:
-        level = np.full(joints, JOINT_LEVEL)
-        yield Cause(RUBBING, passes.rubbing, level)
-        viscous = np.full(joints, JOINT_VISCOUS)
-        yield Cause("viscous joint friction", passes.viscous, viscous)
-    if passes.moved.shape[1]:
-        share = np.full(passes.moved.shape[1], INERTIA_SHARE)
-        yield Cause("inertia of the arm", passes.moved, share)
+        prior = [HANDLE_FORCE * lever, HANDLE_ELSEWHERE * drift]
+        yield Cause.build(f"zero {number:.0f}", columns, prior)
+    # Dry and viscous friction of the arm's joints, and inertia of its links; none where they are unknown.
+    yield Cause.build(RUBBING, passes.rubbing, JOINT_LEVEL)
+    yield Cause.build("viscous joint friction", passes.viscous, JOINT_VISCOUS)
+    yield Cause.build("inertia of the arm", passes.moved, INERTIA_SHARE)
 
 
 def _load_friction_cause(passes: Passes, first: Posterior) -> Cause:
@@ -379,6 +372,6 @@ def _tests(found: Posterior, passes: Passes, lever: float) -> Iterator[FitTest]:
             "The force does not grow in proportion to the speed: it is no viscous friction.",
         ),
     ):
-        cause = Cause(name, column[:, None], np.array([HANDLE_FORCE * lever]))
+        cause = Cause.build(name, column[:, None], HANDLE_FORCE * lever)
         tolerated = np.array([HANDLE_UNEVEN * size + HANDLE_EVEN * lever])
         yield found.test(cause, tolerated, finding)

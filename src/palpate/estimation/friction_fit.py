@@ -57,6 +57,7 @@ from palpate.estimation.joint_causes import (
     build_load,
     by_signal,
     fit_blocks,
+    per_joint,
 )
 from palpate.estimation.load_blocks import UP, Blocks, Rows, blocks, free_rows
 from palpate.estimation.load_noise import flicker
@@ -490,9 +491,7 @@ def _build_scene(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Caus
 def _build_steps(seen: Blocks, free: int) -> Cause:
     """Change of each sensor's zero after the mean time of the drags."""
     after = (seen.t > seen.t[free:].mean())[:, None]
-    return build_cause(
-        STEP, [after * joint for joint in np.eye(seen.observed.shape[1])], ZERO_STEP_STD
-    )
+    return build_cause(STEP, per_joint(after * np.ones_like(seen.observed)), ZERO_STEP_STD)
 
 
 def _support_torques(seen: Blocks, pressed: _Pressed, about: float) -> Iterator[Array]:

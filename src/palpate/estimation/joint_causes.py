@@ -95,6 +95,8 @@ WEIGHT, LEVER, LINK, INERTIA, REST = "weight", "lever", "link", "inertia", "rest
 SLIPS = "joint friction over another way"
 """Names of causes, or their prefixes: the load, errors of the link model and of the torque that
 moves the links, residual stiction of rests."""
+PLACE = {GAIN: "of", CROSSTALK: "in"}
+"""Prepositions between these names and that of a joint."""
 
 
 def by_signal(torque: Array) -> Array:
@@ -102,25 +104,31 @@ def by_signal(torque: Array) -> Array:
     return torque.swapaxes(0, 1).reshape(-1, *torque.shape[2:])
 
 
-def build_cause(name: str, columns: Sequence[Array], prior: float) -> Cause:
-    """Build a cause whose unknowns have one prior deviation; `columns` are their torques (k, m)."""
-    return Cause(
-        name, np.column_stack([by_signal(one) for one in columns]), np.full(len(columns), prior)
-    )
+def per_joint(*signals: Array) -> Array:
+    """Build columns (k, m, m s) that give each joint its own coefficient of each of s signals (k, m)."""
+    joints = np.eye(signals[0].shape[1])
+    return np.concatenate([signal[:, :, None] * joints for signal in signals], axis=2)
 
 
-def build_gain(columns: Array) -> Cause:
-    """Build the gains of the sensors; `columns` (n, m) are their effects, one standard deviation each."""
-    count = int(columns.shape[1])
-    labels = tuple(f"gain of joint {i + 1}" for i in range(count))
-    return Cause(GAIN, columns, np.ones(count), "arm", labels)
+def build_cause(name: str, columns: Array, prior: float) -> Cause:
+    """Build a cause whose p unknowns have one prior deviation; `columns` are their torques (k, m, p)."""
+    return Cause.build(name, by_signal(columns), prior)
 
 
-def build_crosstalk(columns: Array) -> Cause:
-    """Build the cross-talk of the sensors; `columns` (n, m) are its effects, one standard deviation each."""
-    count = int(columns.shape[1])
-    labels = tuple(f"cross-talk in joint {i + 1}" for i in range(count))
-    return Cause(CROSSTALK, columns, np.ones(count), "arm", labels)
+def build_gain(columns: Array, name: str = GAIN) -> Cause:
+    """Build the gains of m sensors, or their cross-talk; `columns` (..., m) are the effects of one deviation each."""
+    labels = tuple(f"{name} {PLACE[name]} joint {i + 1}" for i in range(columns.shape[-1]))
+    return Cause.build(name, columns, 1.0, "arm", labels)
+
+
+def response_columns(read: Array) -> Array:
+    """Build columns (k, m, m (m - 1)) of the response of each signal to each other one of signals (k, m)."""
+    count = read.shape[1]
+    pairs = [(i, j) for i in range(count) for j in range(count) if i != j]
+    found = np.zeros((*read.shape, len(pairs)))
+    for column, (i, j) in enumerate(pairs):
+        found[:, i, column] = read[:, j]
+    return found
 
 
 def crosstalk_columns(hand: NominalHand, torque: Array, signals: int) -> Array:
@@ -135,19 +143,16 @@ def build_load(seen: Blocks, pull: Array) -> Iterator[Cause]:
     Args:
         pull: (k, 3) upward force per newton of weight.
     """
-    yield build_cause(WEIGHT, [seen.torques(pull)], LOAD_PRIOR)
+    yield build_cause(WEIGHT, seen.torques(pull)[:, :, None], LOAD_PRIOR)
     for i, grasp in enumerate(seen.grasps):
         # First moment along each axis of the hand.
-        here = (seen.grasp == grasp)[:, None]
-        levers = [here * lever for lever in seen.held[:, :, :3].transpose(2, 0, 1)]
-        yield build_cause(f"{LEVER} {i + 1}", levers, LOAD_PRIOR)
+        here = (seen.grasp == grasp)[:, None, None]
+        yield build_cause(f"{LEVER} {i + 1}", here * seen.held[:, :, :3], LOAD_PRIOR)
 
 
 def build_load_inertia(seen: Blocks) -> Cause:
     """Build the inertia of the load about the TCP, in the axes of the hand."""
-    return build_cause(
-        "inertia of the load", [*seen.held[:, :, 3:].transpose(2, 0, 1)], LOAD_INERTIA
-    )
+    return build_cause("inertia of the load", seen.held[:, :, 3:], LOAD_INERTIA)
 
 
 def build_free_motion(
@@ -177,7 +182,7 @@ def fit_blocks(
     """
     sensors, y, every = build_noise(seen, noise), by_signal(seen.observed), list(causes)
     if free is not None:
-        every.append(Cause("free", free, np.full(int(free.shape[1]), np.inf)))
+        every.append(Cause.build("free", free, np.inf))
     left = with_residual(sensors, learn_residual(every, sensors, y, seen.spans), seen.spans)
     whole = left if free is None else Projected.of(left, free)
     return fit(causes, whole, y, [*arm_scales(causes), *learned])
@@ -196,34 +201,28 @@ def build_arm(
     # Errors of the link model, and tilt of gravity for links and load.
     weight, links, lean = build_link_errors(seen, observed, trace.gravity)
     yield from links
-    pulled = seen.maps[:, :, :2] * lifted[:, None, None]
-    yield build_cause("lean", [*(lean + pulled.transpose(2, 0, 1))], TILT)
+    yield build_cause("lean", lean + seen.maps[:, :, :2] * lifted[:, None, None], TILT)
     # Zero, friction and inertia of each joint act on its own signal only.
     usual = SLIP_ANGLES.index(PRESLIDING)
     slips = seen.dahl.reshape(*seen.dahl.shape[:2], -1, 2)
-    others = np.delete(slips, usual, axis=2).reshape(len(slips), signals, -1)
-    of_joints: tuple[tuple[str, Array, float], ...] = (
-        ("zero", np.ones_like(seen.observed)[:, :, None], ANY_ZERO),
-        ("joint friction", slips[:, :, usual], JOINT_LEVEL),
-        (SLIPS, others, JOINT_LEVEL),
-        ("viscous friction", seen.dq[:, :, None], JOINT_VISCOUS),
-        (INERTIA, seen.moved[:, :, None], INERTIA_SHARE),
-    )
-    for name, own, prior in of_joints:
-        columns = [one * joint for one in own.transpose(2, 0, 1) for joint in np.eye(signals)]
-        yield build_cause(name, columns, prior)
+    states = slips.transpose(2, 3, 0, 1)
+    yield build_cause("zero", per_joint(np.ones_like(seen.observed)), ANY_ZERO)
+    yield build_cause("joint friction", per_joint(*states[usual]), JOINT_LEVEL)
+    others = np.delete(states, usual, axis=0).reshape(-1, *seen.dq.shape)
+    yield build_cause(SLIPS, per_joint(*others), JOINT_LEVEL)
+    yield build_cause("viscous friction", per_joint(seen.dq), JOINT_VISCOUS)
+    yield build_cause(INERTIA, per_joint(seen.moved), INERTIA_SHARE)
     # Residual stiction as a force at the TCP, only for rests within these blocks: the time grows
     # with the cube of the unknowns.
-    here = [rest[:, None, None] * seen.maps[:, :, :3] for rest in seen.resting.T if rest.any()]
-    rests = [rest[:, :, axis] for rest in here for axis in range(3)]
+    rests = [rest[:, None, None] * seen.maps[:, :, :3] for rest in seen.resting.T if rest.any()]
     if rests:
-        yield build_cause(REST, rests, hand.force_repeatability + FLOOR)
+        yield build_cause(REST, np.dstack(rests), hand.force_repeatability + FLOOR)
     # Gains scale the torques of links and load; the zero absorbs their constant part.
     shown = by_signal(weight - weight[0]) + borne
     gains = shown[:, None] * np.repeat(gain_root(hand, signals), len(seen.t), axis=0)
     yield build_gain(gains)
     # Cross-talk of the load alone: that of the links' weight acts as an error in their masses.
-    yield build_crosstalk(crosstalk_columns(hand, borne, signals))
+    yield build_gain(crosstalk_columns(hand, borne, signals), CROSSTALK)
 
 
 def arm_scales(causes: Sequence[Cause]) -> list[PriorScale]:
@@ -239,6 +238,12 @@ def arm_scales(causes: Sequence[Cause]) -> list[PriorScale]:
     return found
 
 
+def label_link(joint: int) -> tuple[str, ...]:
+    """Name the errors in the mass and in the centre of the links that move with a joint."""
+    kinds = ("mass", *(f"centre along {axis}" for axis in "xyz"))
+    return tuple(f"{LINK} {kind} at joint {joint + 1}" for kind in kinds)
+
+
 @once
 def build_link_errors(
     seen: Blocks, observed: WrenchObservation, gravity: float
@@ -248,7 +253,7 @@ def build_link_errors(
     Returns:
         Gravity torques (k, m), N m.
         Causes: errors in the mass and the centre of mass of the links that move with each joint.
-        Torques (2, k, m) per radian of tilt of gravity along world x or y.
+        Torques (k, m, 2) per radian of tilt of gravity along world x and y.
     """
     chain, q = observed.chain, seen.q
     still = np.zeros((3 * len(q), q.shape[1]))
@@ -267,11 +272,9 @@ def build_link_errors(
         # Unknowns: a mass at the centre of mass, and a shift of the centre along each axis of the link.
         units = np.column_stack([[1.0, *np.array(moment) / mass], mass * np.eye(4)[:, 1:]])
         prior = np.array([LINK_MASS * mass, *[LINK_CENTRE] * 3])
-        kinds = ("mass", *(f"centre along {letter}" for letter in "xyz"))
-        labels = tuple(f"{LINK} {kind} at joint {i + 1}" for kind in kinds)
         shown = by_signal(held[2][:, :, i] @ units)
-        errors.append(Cause(f"{LINK} at joint {i + 1}", shown, prior, "arm", labels))
-    return holds[2], errors, holds[:2]
+        errors.append(Cause(f"{LINK} at joint {i + 1}", shown, prior, "arm", label_link(i)))
+    return holds[2], errors, holds[:2].transpose(1, 2, 0)
 
 
 @once

@@ -22,7 +22,6 @@ from palpate.estimation.joint_causes import (
     LOAD_PRIOR,
     TILT,
     arm_scales,
-    build_crosstalk,
     build_free_motion,
     build_gain,
     build_load,
@@ -56,6 +55,7 @@ from palpate.estimation.regression import (
 from palpate.estimation.segments import Weighing
 from palpate.estimation.sensed_load import SensedGrasps, fit_sensed_grasps
 from palpate.estimation.wrench_observation import (
+    CROSSTALK,
     GAIN,
     TORQUE_LEVER,
     WrenchObservation,
@@ -183,7 +183,7 @@ def sideways_test(
 
     columns = np.concatenate([in_each(row, grasps, SIDEWAYS) for row in rows])
     tolerated = np.tile((small, small, small * TORQUE_LEVER), len(grasps))
-    cause = Cause("sideways", columns, np.full(count, LOAD_PRIOR))
+    cause = Cause.build("sideways", columns, LOAD_PRIOR)
     return posterior.test(cause, tolerated, finding)
 
 
@@ -198,7 +198,7 @@ def weighings_test(
         return f"The weighings disagree: {forces} N."
 
     columns = np.concatenate([in_each(row, grasps[1:], (FORCE_Z,)) for row in rows])
-    cause = Cause("weighing against weighing", columns, np.full(count, LOAD_PRIOR))
+    cause = Cause.build("weighing against weighing", columns, LOAD_PRIOR)
     return posterior.test(cause, np.full(count, small), finding)
 
 
@@ -366,9 +366,8 @@ def load_model(
     # Stack the weighings of each cause.
     causes: list[Cause] = []
     for name, each, prior in parts:
-        columns = np.concatenate(each)
-        causes.append(Cause(name, columns, np.full(int(columns.shape[1]), prior)))
-    causes += [build_gain(borne), build_crosstalk(crossed)]
+        causes.append(Cause.build(name, np.concatenate(each), prior))
+    causes += [build_gain(borne), build_gain(crossed, CROSSTALK)]
     shares = LEFT_SHARES
     even = [1.0 / len(shares)] * len(shares)
     # Learned scales of stiction: the share of the datasheet's figure that this arm shows, and the

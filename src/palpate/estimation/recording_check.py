@@ -28,10 +28,10 @@ from palpate.estimation.arm_fit import (
     USUAL_FRICTION,
     VISCOUS_PRIOR,
     Bodies,
-    each,
 )
 from palpate.estimation.arm_motion import LOG_GAP, SpectralNoise
 from palpate.estimation.estimate import FitTest, chi_squared
+from palpate.estimation.joint_causes import per_joint
 from palpate.estimation.load_blocks import WHOLE_BLOCK, WHOLE_SLOW, Rows
 from palpate.estimation.load_fit import LOAD_ITERATIONS
 from palpate.estimation.motion import Mask
@@ -348,7 +348,7 @@ def _find_load_change(claim: Claim) -> tuple[float, list[tuple[Claim, str]]]:
     load = load_torques(claim.chain, claim.q, still, still, claim.gravity)[:, :, 0]
     starts = np.arange(1, PARTS_OF_LOG) / PARTS_OF_LOG
     columns = load[:, :, None] * (since[:, None, None] >= starts)
-    cause = Cause("change", columns.reshape(-1, len(starts)), np.full(len(starts), 1e3))
+    cause = Cause.build("change", columns, 1e3)
     test = _fitted(claim).test(cause, np.full(len(starts), SAME_LOAD), "")
     # The mass of each part relative to the first.
     changes = _fitted(claim, cause)["change"][0]
@@ -417,12 +417,12 @@ def _fitted(claim: Claim, *more: Cause) -> Posterior:
         ("links", np.concatenate(weights, axis=2), bodies.errors[:, :4].ravel()),
         (HAND, load[:, :, :4], of_load),
         (LOAD, carried, of_load),
-        ("inertia", moved[:, :, None], np.array([LINK_INERTIA])),
-        ("offset", each(np.ones_like(held)), size),
-        ("coulomb", each(turning), size),
-        ("viscous", each(claim.dq), np.full(len(size), VISCOUS_PRIOR)),
+        ("inertia", moved[:, :, None], LINK_INERTIA),
+        ("offset", per_joint(np.ones_like(held)), size),
+        ("coulomb", per_joint(turning), size),
+        ("viscous", per_joint(claim.dq), VISCOUS_PRIOR),
     ]
-    causes = [Cause(name, columns.reshape(held.size, -1), prior) for name, columns, prior in parts]
+    causes = [Cause.build(*part) for part in parts]
     # The residual is correlated over about a second, so the rows of a second count as one.
     std = np.tile(size * np.sqrt(max(1.0, n / max(_seconds(claim), 1))), n)
     expected = held + moved + USUAL_FRICTION * turning + mass * carried[:, :, 0]
@@ -439,7 +439,7 @@ def _gravity(claim: Claim, prior: float) -> Cause:
     """Cause of gravity beyond the stated one, as fractions of it, along the base axes."""
     size = float(np.linalg.norm(claim.gravity))
     columns = np.stack([claim.holding(size * axis) for axis in np.eye(3)], axis=2)
-    return Cause("gravity", columns.reshape(-1, 3), np.full(3, prior))
+    return Cause.build("gravity", columns, prior)
 
 
 def _mended(claim: Claim) -> Iterator[tuple[Claim, str]]:
@@ -474,8 +474,7 @@ def _scales(claim: Claim, alike: bool) -> Array:
     """
     held, scales = claim.holding(claim.gravity), np.ones(7)
     strong = np.sqrt((held**2).mean(axis=0)) > STRONG
-    columns = held.reshape(-1, 1) if alike else each(held).reshape(held.size, -1)
-    cause = Cause("scale", columns, np.full(int(columns.shape[1]), 1e5))
+    cause = Cause.build("scale", held[:, :, None] if alike else per_joint(held), 1e5)
     # Iterate: priors are in N m, so the first round is inaccurate where the unit differs.
     for _ in range(LOAD_ITERATIONS):
         mended = replace(claim, tau=claim.tau / scales)

@@ -12,6 +12,7 @@ Sources: C. Bishop, Pattern Recognition and Machine Learning, sections 3.3 and 3
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
@@ -38,6 +39,20 @@ class Cause:
     of: Literal["arm", "scene"] | None = None
     # (k,) names of shared unknowns; empty: the name of the cause and a number.
     labels: tuple[str, ...] = ()
+
+    @classmethod
+    def build(
+        cls,
+        name: str,
+        columns: Array,
+        prior: float | Sequence[float] | Array,
+        of: Literal["arm", "scene"] | None = None,
+        labels: tuple[str, ...] = (),
+    ) -> Cause:
+        """Build a cause of `columns` (..., k), whose first axes count the rows; one prior may serve all unknowns."""
+        *rows, count = columns.shape
+        deviations: Array = np.broadcast_to(np.asarray(prior, np.float64), (count,)).copy()
+        return cls(name, columns.reshape(math.prod(rows), count), deviations, of, labels)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -11,6 +11,15 @@ from palpate.common.pose import Array, Pose, components, tensor_of
 from palpate.trace.recording import Chain, ChainLink
 
 PARAMETERS = 10
+
+
+def repeat_prior(mass: float, moment: float, inertia: float) -> Array:
+    """Repeat deviations of mass (kg), first moment (kg m) and inertia (kg m²) for the parameters (10,)."""
+    return np.repeat([mass, moment, inertia], (1, 3, 6))
+
+
+BODY_PRIOR = repeat_prior(30.0, 10.0, 1.0)
+"""1 sigma: wide prior of a load about which nothing is known. Not sensitive."""
 MASS, RADIUS, SKEW, CENTRE = 0, slice(1, 4), slice(4, 7), slice(7, 10)
 """Indices of the log-Cholesky parameters a, d, s (12, 13, 23) and t."""
 

@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -24,11 +25,13 @@ from palpate.common.pose import Array, Pose, rotations
 from palpate.estimation.coloured_residual import Spans, learn_residual, with_residual
 from palpate.estimation.estimate import FitTest
 from palpate.estimation.evidence import once
+from palpate.estimation.joint_causes import response_columns
 from palpate.estimation.load_blocks import free_rows
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
-from palpate.estimation.rigid_bodies import PARAMETERS, wrench_columns
+from palpate.estimation.rigid_bodies import BODY_PRIOR, PARAMETERS, wrench_columns
+from palpate.estimation.wrench_observation import CROSSTALK, GAIN
 from palpate.trace.recording import WrenchSensor
 from palpate.trace.samples import STANDARD_GRAVITY as GRAVITY
 from palpate.trace.samples import Samples, Trace
@@ -37,8 +40,6 @@ BLOCK = 0.1
 """s: shortest block of rows that is averaged. Not sensitive."""
 MOST_BLOCKS = 300
 """largest number of blocks; longer recordings have longer blocks. Not sensitive."""
-SENSED_PRIOR = (30.0, 10.0, 1.0)
-"""kg, kg m and kg m² (1 sigma): wide prior of mass, first moment and inertia. Not sensitive."""
 ZERO_PRIOR = (1e3, 1e2)
 """N and N m (1 sigma): wide prior of the sensor's zeros. Not sensitive."""
 LEAN = 3e-3
@@ -82,7 +83,7 @@ ZERO_SHARE = 0.05
 """Fraction of the weight (1 sigma) by which the zero may differ with and without the load. Not sensitive."""
 ZERO_LEAST = 0.1
 """N (1 sigma): the same for a load without weight. Not sensitive."""
-LOAD, HAND, ZERO, GAIN = "load", "hand", "zero", "gain"
+LOAD, HAND, ZERO = "load", "hand", "zero"
 """Names of causes."""
 
 
@@ -160,7 +161,7 @@ def fit_sensed_load(trace: Trace, name: str) -> SensedLoad | None:
         return None
     seen = _blocks(trace.samples, sensor, rows.loaded, rows.empty, trace.gravity)
     picks = {LOAD: seen.hanging[:, None, None] * np.eye(PARAMETERS)}
-    found, scale = _fit_bodies(seen, picks, np.repeat(SENSED_PRIOR, (1, 3, 6)), sensor)
+    found, scale = _fit_bodies(seen, picks, BODY_PRIOR, sensor)
     value, covariance = found[LOAD]
     return SensedLoad(value, covariance, seen, found, scale, _explain(seen), _locate(seen))
 
@@ -179,19 +180,18 @@ def _fit_bodies(
     """
     if not seen.hanging.all():
         picks = {**picks, HAND: np.broadcast_to(np.eye(PARAMETERS), (len(seen.t), 10, 10))}
-    priors = {LOAD: prior, HAND: np.repeat(SENSED_PRIOR, (1, 3, 6))}
+    priors = {LOAD: prior, HAND: BODY_PRIOR}
     bodies = {name: seen.columns @ pick for name, pick in picks.items()}
-    zeros = [*_zeros(seen)]
     # Scale each axis to one apparent noise, so that a single prior of the residual serves forces and moments.
     plain = np.hstack([_by_axis(one, np.ones(6)) for one in bodies.values()])
-    design = np.hstack([plain, *(one.columns for one in zeros)])
+    design = np.hstack([plain, *(one.columns for one in _zeros(seen, np.ones(6)))])
     y = _by_axis(seen.wrench, np.ones(6))
     rough = np.linalg.lstsq(design, y, rcond=None)[0].astype(np.float64)
     misfit = (y - design @ rough).reshape(6, -1)
     scale = APPARENT_NOISE / np.maximum(misfit.std(axis=1), 1e-9)
     y = _by_axis(seen.wrench, scale)
     fixed = [Cause(one, _by_axis(rows, scale), priors[one]) for one, rows in bodies.items()]
-    fixed += [_scaled(one, scale) for one in zeros]
+    fixed += _zeros(seen, scale)
     # Solve, linearised at the last solution; then learn the residual, and solve again with it.
     noise, about = _white_noise(seen, scale, misfit.var(axis=1)), rough[: plain.shape[1]]
     for _ in range(ITERATIONS):
@@ -208,18 +208,11 @@ def _by_axis(values: Array, scale: Array) -> Array:
     return scaled.swapaxes(0, 1).reshape(-1, *values.shape[2:])
 
 
-def _zeros(seen: SensedBlocks) -> Iterator[Cause]:
+def _zeros(seen: SensedBlocks, scale: Array) -> Iterator[Cause]:
     """Yield the zeros of the sensor in each part of the recording."""
-    prior = np.repeat(ZERO_PRIOR, 3)
     for part in np.unique(seen.part).tolist():
         here = (seen.part == part)[:, None, None] * np.eye(6)
-        yield Cause(f"{ZERO} {part}", _by_axis(here, np.ones(6)), prior)
-
-
-def _scaled(cause: Cause, scale: Array) -> Cause:
-    """Scale the rows of a cause."""
-    rows = np.repeat(scale, len(cause.columns) // 6)
-    return Cause(cause.name, cause.columns * rows[:, None], cause.prior)
+        yield Cause.build(f"{ZERO} {part}", _by_axis(here, scale), np.repeat(ZERO_PRIOR, 3))
 
 
 def _sensor_causes(
@@ -230,21 +223,14 @@ def _sensor_causes(
     body = np.dstack([*picks.values()]) @ about
     wrench = np.einsum("kip,kp->ki", seen.columns, body)
     # One gain of all axes, and the response of each axis to each other one.
-    yield Cause(
-        GAIN,
-        _by_axis(wrench[:, :, None], scale),
-        np.array([sensor.gain]),
-        "arm",
-        ("gain of the wrench sensor",),
-    )
+    label = ("gain of the wrench sensor",)
+    yield Cause.build(GAIN, _by_axis(wrench[:, :, None], scale), sensor.gain, "arm", label)
     unit = np.repeat([1.0, MOMENT_LEVER], 3)
-    pairs = [(i, j) for i in range(6) for j in range(6) if i != j]
-    crossed = np.zeros((len(wrench), 6, len(pairs)))
-    for column, (i, j) in enumerate(pairs):
-        crossed[:, i, column] = unit[i] / unit[j] * wrench[:, j]
-    labels = tuple(f"cross-talk of the wrench sensor, axis {j + 1} in {i + 1}" for i, j in pairs)
-    prior = np.full(len(pairs), sensor.crosstalk)
-    yield Cause("cross-talk", _by_axis(crossed, scale), prior, "arm", labels)
+    crossed = unit[:, None] * response_columns(wrench / unit)
+    labels = tuple(
+        f"cross-talk of the wrench sensor, axis {j} in {i}" for i, j in permutations(range(1, 7), 2)
+    )
+    yield Cause.build(CROSSTALK, _by_axis(crossed, scale), sensor.crosstalk, "arm", labels)
     # A sensor that is turned by a small angle against its stated axes: -δ × f and -δ × n.
     turned = np.stack(
         [
@@ -253,11 +239,11 @@ def _sensor_causes(
         ],
         axis=2,
     )
-    yield Cause("mounting", _by_axis(turned, scale), np.full(3, sensor.mounting))
+    yield Cause.build("mounting", _by_axis(turned, scale), sensor.mounting)
     lean = np.stack([np.einsum("kip,kp->ki", one, body) for one in seen.leans], axis=2)
-    yield Cause("lean", _by_axis(lean, scale), np.full(2, LEAN))
+    yield Cause.build("lean", _by_axis(lean, scale), LEAN)
     late = np.einsum("kip,kp->ki", seen.changes, body)
-    yield Cause("delay", _by_axis(late[:, :, None], scale), np.array([DELAY]))
+    yield Cause.build("delay", _by_axis(late[:, :, None], scale), DELAY)
 
 
 def _white_noise(seen: SensedBlocks, scale: Array, misfit: Array) -> SignalNoise:
@@ -583,8 +569,7 @@ def fit_sensed_grasps(trace: Trace, name: str) -> SensedGrasps | None:
         here = seen.hanging & (grasp == time)
         pick[:, 1:4, 1 + 3 * i : 4 + 3 * i] = here[:, None, None] * np.eye(3)
     pick[:, 4:, count:] = seen.hanging[:, None, None] * np.eye(6)
-    mass, moment, inertia = SENSED_PRIOR
-    prior = np.array([mass, *[moment] * (count - 1), *[inertia] * 6])
+    prior = np.concatenate([BODY_PRIOR[:1], *[BODY_PRIOR[1:4]] * len(grasps), BODY_PRIOR[4:]])
     found, _ = _fit_bodies(seen, {LOAD: pick}, prior, sensor)
     # From the sensor's origin and axes to those of the TCP: h' = R h + m p, times g.
     mounted = Pose.of(sensor.pose_tcp_sensor[:3], sensor.pose_tcp_sensor[3:])
