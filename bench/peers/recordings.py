@@ -43,14 +43,19 @@ STIFFNESS = np.array([3000.0, 3000.0, 3000.0, 2500.0, 2500.0, 2000.0, 2000.0])
 RUN = 8
 """Log periods that share one Jacobian in the sensors' model."""
 GRAVITY: Array = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-STRANGE = "strange"
-"""Noise model whose arm has the friction of `maxwell_slip`."""
 LEVEL = np.array([0.45, 0.4, 0.3, 0.35, 0.35, 0.25, 0.2])
 """N m: its level. It is the mean of three real arms (docs/noise.md)."""
 YIELDS = (4e-4, 1.2e-3, 2e-3, 6e-3)
 """rad at which each of its elements begins to slide."""
 LOAD_SHARE, STRIBECK, SLOW, VISCOUS = 5e-3, 0.3, 0.05, 0.2
 """Its growth with the joint torque, and at low speed (below `SLOW`, rad/s); N m s/rad of viscous friction."""
+GREASE_SHARE, GREASE_POWER, GREASE_VISCOUS = 0.02, 0.6, 0.5
+"""Of `grease`: growth of the Coulomb friction with the joint torque; exponent of the speed; N m at 1 rad/s."""
+WARMS, WARM_UP, UNEVEN = 0.3, 60.0, 0.15
+"""Of `grease`: share of the friction that decays as the gears warm up, and its time, s; share that varies three times a
+turn."""
+REVERSES = 0.01
+"""rad/s below which the friction of `grease` falls to zero."""
 STREAM = 54
 """Random stream of the loads, independent of the arm's errors."""
 
@@ -150,8 +155,8 @@ def simulate(case: Case, load: Load) -> ArmLog:
     dq = np.gradient(q, PERIOD, axis=0)
     ddq = np.gradient(dq, PERIOD, axis=0)
     tau = np.where(held[:, None], torques(loaded, q, dq, ddq), torques(empty, q, dq, ddq))
-    if Path(case.noise).stem == STRANGE:
-        tau += maxwell_slip(q, dq, tau)
+    if law := LAWS.get(Path(case.noise).stem):
+        tau += law(q, dq, tau)
     # Sensors are zeroed at home with the empty hand, and then measure run by run.
     nominal = NominalArm(arm, Pose.of([0.0, 0.0, 0.0]), GRAVITY).kinematics(q[:1])
     chain = arm.nominal.chain
@@ -191,6 +196,22 @@ def maxwell_slip(q: Array, dq: Array, tau: Array) -> Array:
         stretch = np.clip(stretch + step, -yields, yields)
         shares[row] = (stretch / yields).mean(axis=0)
     return level * shares + VISCOUS * dq
+
+
+def grease(q: Array, dq: Array, tau: Array) -> Array:
+    """Compute the friction (n, 7), N m, of greased gears: less than proportional to the speed, and less when warm.
+
+    Source of the shape: A. Bittencourt and S. Gunnarsson, Static friction in a robot joint, J. Dyn. Syst. Meas.
+    Control 134, 2012 (load, temperature); the sizes are chosen.
+    """
+    t = PERIOD * np.arange(len(q))[:, None]
+    coulomb = (0.5 * LEVEL + GREASE_SHARE * np.abs(tau)) * (1.0 + UNEVEN * np.sin(3.0 * q))
+    viscous = GREASE_VISCOUS * np.abs(dq) ** GREASE_POWER
+    return (coulomb + viscous) * (1.0 + WARMS * np.exp(-t / WARM_UP)) * np.tanh(dq / REVERSES)
+
+
+LAWS = {"strange": maxwell_slip, "greasy": grease}
+"""Friction of the arm by the name of its noise model, of kinds that no estimator knows."""
 
 
 def true_model(truth: TrueArm, gravity: Array, load: Load | None) -> mujoco.MjModel:
