@@ -18,7 +18,7 @@ from palpate.estimation.joint_friction import (
 )
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask, tip_height
-from palpate.estimation.wrench_observation import observe
+from palpate.estimation.wrench_observation import observe_wrench
 from palpate.trace.recording import LeafRun, NominalHand, Recording
 from palpate.trace.samples import POSE, Samples, Trace
 
@@ -36,7 +36,7 @@ def ripple_force(trace: Trace, rows: slice, free: Mask) -> Array:
         (n,) N. Zeros where the kinematic chain or the ripple cycles of the joints are unknown, or
         where no row is in free air.
     """
-    observed, cycles = observe(trace), trace.hand.ripple_cycles
+    observed, cycles = observe_wrench(trace), trace.hand.ripple_cycles
     if observed.chain is None or cycles is None or not free.any():
         return np.zeros(len(free))
     # Fit the ripple of each joint in free air.

@@ -15,7 +15,7 @@ from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISC
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
 from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
-from palpate.estimation.wrench_observation import GAIN, WrenchObservation, gain_root, observe
+from palpate.estimation.wrench_observation import GAIN, WrenchObservation, gain_root, observe_wrench
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
@@ -61,7 +61,7 @@ class Passes:
 
 def passes_of(trace: Trace, recordings: list[Recording], joint: Joint) -> Passes | None:
     """Blocks of all passes in recordings of one fixture; None if nothing moved."""
-    observed = observe(trace)
+    observed = observe_wrench(trace)
     # Blocks of all recordings, transposed to one array a field.
     parts = [
         block

@@ -409,7 +409,7 @@ def fit_whole(
 
     Returns None if the arm's links are unknown, or if the object never hung free.
     """
-    free = free_rows(trace, name) if observed.knows_links else []
+    free = free_rows(trace, name) if observed.chain is not None and observed.knows_links else []
     if not free:
         return None
     # Row numbers of the sliding blocks in the whole trace.

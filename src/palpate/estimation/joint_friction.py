@@ -24,7 +24,7 @@ import numpy as np
 from palpate.common.pose import Array
 from palpate.estimation.evidence import once
 from palpate.estimation.motion import Mask, smooth_rows
-from palpate.estimation.wrench_observation import observe
+from palpate.estimation.wrench_observation import observe_wrench
 from palpate.trace.samples import Samples, Trace
 
 LEAST_TRAVEL = 0.7
@@ -252,7 +252,7 @@ def joint_friction_force(
         empty: rows of the trace with an empty hand.
         height: m, world z of the TCP above which motions show the friction levels.
     """
-    observed, samples = observe(trace), trace.samples
+    observed, samples = observe_wrench(trace), trace.samples
     if observed.chain is None:
         return np.zeros(len(free))
     # Friction torque of each joint in the descent, and its constant remainder in free air.

@@ -36,7 +36,7 @@ from palpate.estimation.load_noise import SignalLevels
 from palpate.estimation.motion import commanded_rows, mean_pose, runs
 from palpate.estimation.rigid_bodies import wrenches_of_load
 from palpate.estimation.segments import NEAR
-from palpate.estimation.wrench_observation import WrenchObservation, observe
+from palpate.estimation.wrench_observation import WrenchObservation, observe_wrench
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Samples, Trace
 
@@ -92,7 +92,7 @@ class SwingResponse:
 
 def swings(trace: Trace, recording: Recording, noise: SignalLevels) -> Sequence[SwingResponse]:
     """Responses to all swings of a recording, in order; `noise` is that of each signal."""
-    samples, observed = trace.of(recording), observe(trace)
+    samples, observed = trace.of(recording), observe_wrench(trace)
     # Signals in the rows of the recording, and gear ripple where the hand states it.
     first, last = np.searchsorted(trace.samples.t, [recording.start, recording.end + 1e-9])
     signals = observed.signals[int(first) : int(last)]

@@ -35,6 +35,9 @@ TORQUE_LEVER = 0.3
 """m: converts these forces to moments about the TCP (typical lever arm of the wrist joints).
 Sensitive: com 0.07 σ, std ×0.9–1.1."""
 
+WRENCH_SCALE = np.array([1.0] * 3 + [TORQUE_LEVER] * 3)
+"""Typical size of each part of a wrench per newton."""
+
 GAIN, CROSSTALK = "gain", "cross-talk"
 """Names of causes: gains of the sensors, and their response to the torques of other joints."""
 
@@ -47,11 +50,14 @@ class WrenchObservation:
     scale: Array  # (m,) typical size of each signal per newton at the TCP
     chain: Chain | None  # None where the signals are the wrench
     turn: Array  # (3, 3) axes of the base in the world
+    sensed: bool = (
+        False  # the signals are the wrench of a six-axis sensor, without the hand's inertia
+    )
 
     @property
     def knows_links(self) -> bool:
-        """True if the inertial parameters of the arm's links are known."""
-        return self.chain is not None and bool(self.chain.links)
+        """True if the signals are free of the inertia of the arm's links, or it is known."""
+        return self.sensed or (self.chain is not None and bool(self.chain.links))
 
     def maps(self, q: Array) -> Array:
         """Compute the signals (k, m, 6) of unit wrenches at joint angles `q` (k, 7), rad.
@@ -82,6 +88,8 @@ class WrenchObservation:
 
         Rates are averaged over `over` s. The result is (n, 0) where the links are unknown.
         """
+        if self.sensed:
+            return np.zeros(self.signals.shape)
         if self.chain is None or not self.chain.links or len(samples) < 2:
             return np.zeros((len(samples), 0))
         rates, changes = smoothed_with_rate(samples.dq, samples.t, over)
@@ -103,15 +111,29 @@ class WrenchObservation:
         return own_motion(self.chain, q, dq, ddq)
 
 
+def is_sensed(trace: Trace) -> bool:
+    """Return True if the trace has the readings of a six-axis sensor."""
+    return trace.hand.wrench_sensor is not None and trace.samples.wrench_sensor.shape[1] == 6
+
+
+def observe_wrench(trace: Trace) -> WrenchObservation:
+    """Observe by a six-axis sensor, whose external wrench the samples have, else as `observe`."""
+    if not is_sensed(trace):
+        return observe(trace)
+    return WrenchObservation(trace.samples.wrench, WRENCH_SCALE, None, np.eye(3), sensed=True)
+
+
 def observe(trace: Trace) -> WrenchObservation:
     """Observe by the joint torques where the arm's chain is known and reproduces the wrench, else
-    by the wrench."""
+    by the wrench. The wrench of a six-axis sensor is no test of the torques."""
     chain, samples = trace.hand.chain, trace.samples
     if chain is not None and len(samples):
         # Axes of the base in the world, from the computed and the measured tool axes.
         _, tool, _ = tool_kinematics(chain, samples.q[:1])
         measured = Pose.of(samples.pose_world_tcp[0, :3], samples.pose_world_tcp[0, 3:])
         observed = observation_of_torques(samples.tau_ext, chain, measured.rotation @ tool[0].T)
+        if is_sensed(trace):
+            return observed
         # Where torques do not reproduce the recorded wrench, signs or frames are inconsistent.
         rows = np.linspace(0, len(samples) - 1, min(CHAIN_ROWS, len(samples))).astype(int)
         made = observed.wrenches(samples.q[rows]) @ observed.signals[rows][:, :, None]
@@ -119,8 +141,7 @@ def observe(trace: Trace) -> WrenchObservation:
         if bool(np.median(apart) < CHAIN_FORCE):
             return observed
     # Fall back on the recorded wrench.
-    scale = np.array([1.0] * 3 + [TORQUE_LEVER] * 3)
-    return WrenchObservation(samples.wrench, scale, None, np.eye(3))
+    return WrenchObservation(samples.wrench, WRENCH_SCALE, None, np.eye(3))
 
 
 def observation_of_torques(torques: Array, chain: Chain, turn: Array) -> WrenchObservation:

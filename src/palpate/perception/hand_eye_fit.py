@@ -29,14 +29,17 @@ GIVES = 2e-5
 LINKS = 3e-4  # m. Standard deviation of a link's position in its parent, along each axis.
 BENT = 1e-4  # m. Standard deviation of errors outside this model, such as link bending.
 LEVER = 0.5  # m. Ratio of the position error at the hand to its rotation error.
-# (35,) standard deviations of the kinematic errors: rad, rad/(N m), m.
-STDS = np.repeat([ZEROS, GIVES, LINKS], [7, 7, 21])
+
+
+def kinematic_stds(joints: int) -> Array:
+    """Standard deviations (5 m,) of the kinematic errors of m joints: rad, rad/(N m), m."""
+    return np.repeat([ZEROS, GIVES, LINKS], [joints, joints, 3 * joints])
 
 
 def stances(arm: RobotDescription, q: Array) -> tuple[list[Pose], Array]:
     """Forward kinematics of configurations `q` (n, 7), rad, with Jacobians by the kinematic errors.
 
-    Returns the TCP poses in the base frame, and Jacobians (n, 6, 35) along the axes of the base.
+    Returns the TCP poses in the base frame, and Jacobians (n, 6, 5 m) of m joints along the axes of the base.
     """
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), np.array([0.0, 0.0, -STANDARD_GRAVITY]))
     # A compliance error of a joint acts like an encoder error, in proportion to the gravity torque.
@@ -74,7 +77,7 @@ def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
     """
     # Sum of the systematic kinematic errors and the random pose error, both moved to the point.
     way = twist_jacobian(lever)
-    moves = way @ stances(arm, q[None])[1][0] * STDS
+    moves = way @ stances(arm, q[None])[1][0] * kinematic_stds(len(q))
     rest = way * residual_std(arm.nominal.pose_repeatability)
     return moves @ moves.T + rest @ rest.T
 
@@ -187,7 +190,7 @@ class CalibrationViews:
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
         found[SIZE, SIZE] = max(self.size_std, MEASURED) ** -2
-        found[ARM:, ARM:] = np.diag(STDS[: self.jacobians.shape[2]] ** -2)
+        found[ARM:, ARM:] = np.diag(kinematic_stds(self.jacobians.shape[2] // 5) ** -2)
         return found
 
     def wanted(self) -> Array:

@@ -88,7 +88,7 @@ class Mount:
     # focal length, if the camera was calibrated with its lens.
     covariance: Array
     on_hand: bool = False  # the camera is on the hand
-    # (7,) rad, configuration of the pictures of a camera on the hand; None for home.
+    # rad of each joint, configuration of the pictures of a camera on the hand; None for home.
     joints: Array | None = None
 
     def within(self, frame: Pose) -> Mount:
@@ -115,7 +115,7 @@ class _Mount(Section):
     quat: Quaternion
     covariance: Covariance
     on_hand: bool = False
-    joints: Annotated[list[_Angle], Field(min_length=7, max_length=7)] | None = None
+    joints: Annotated[list[_Angle], Field(min_length=6, max_length=7)] | None = None
 
     @model_validator(mode="after")
     def _of_hand(self) -> _Mount:

@@ -28,7 +28,12 @@ from palpate.estimation.quantities.quantity import Quantity
 from palpate.primitives.load import NOTHING, FingerLoad
 from palpate.primitives.rules import motion
 from palpate.primitives.state import SymbolicState, Violation
-from palpate.robots.pace import mistaken_force, mistaken_moment, unexplained_torque
+from palpate.robots.pace import (
+    force_of_torque_errors,
+    mistaken_force,
+    mistaken_moment,
+    unexplained_torque,
+)
 from palpate.robots.robot import Robot, RobotState
 from palpate.robots.safety import Expectation, violation
 from palpate.robots.sheet import Links, Reflex
@@ -194,8 +199,8 @@ class Blackboard:
         arm, reflexes = self.scene.arm, self.robot.limits.reflexes
         # Largest force and moment that torque errors imitate at the start and along the way.
         places = (self.robot.state.q, *way)
-        mistaken = max(mistaken_force(arm, q) for q in places)
-        self.mistaken = min(mistaken, reflexes.carrying.force)
+        self.mistaken = min(max(mistaken_force(arm, q) for q in places), reflexes.carrying.force)
+        pushing = min(max(force_of_torque_errors(arm, q) for q in places), reflexes.carrying.force)
         turning = min(max(mistaken_moment(arm, q) for q in places), reflexes.probing.torque)
         links = self.links
         if alone and not any(self.pressed):
@@ -203,7 +208,7 @@ class Blackboard:
         self.robot.set_reflex(
             replace(
                 thresholds,
-                force=max(thresholds.force, self.mistaken),
+                force=max(thresholds.force, pushing),
                 torque=max(thresholds.torque, turning),
                 links=links,
                 pressed=self.pressed,

@@ -33,7 +33,7 @@ ROUGHEST = 1.0
 # N, least normal force for a friction coefficient: ten times Franka's relative accuracy.
 PRESSED = 8.0
 BREAKAWAY = 1.3  # Largest ratio of static to dynamic friction
-SURELY = Doubt(np.zeros(7), 0.0)  # No doubt about a measured load
+SURELY = Doubt(np.zeros(1), 0.0)  # No doubt about a measured load, in any joint
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -252,7 +252,7 @@ class MovePose(Primitive):
 
 
 class MoveJoints(Primitive):
-    """Move all joints to a named configuration or to seven angles. Start and end every plan at
+    """Move all joints to a named configuration or to joint angles. Start and end every plan at
     `home_config`, from where every pose is reached safely; never call it with an object in the
     gripper that stands on a surface."""
 
@@ -264,7 +264,7 @@ class MoveJoints(Primitive):
         str | list[float],
         Field(
             description=(
-                "named configuration, e.g. `home_config`, or a list of 7 joint angles in rad"
+                "named configuration, e.g. `home_config`, or a list of joint angles in rad"
             )
         ),
     ]
@@ -273,9 +273,10 @@ class MoveJoints(Primitive):
         """Return the joint angles (7,), rad; an `InputError` for an unknown name or a wrong number of angles."""
         if isinstance(self.joints, str):
             return state.scene.symbols.joints(self.joints)
-        if len(self.joints) != 7:
+        count = len(state.scene.arm.joints)
+        if len(self.joints) != count:
             raise InputError(
-                f"MoveJoints needs 7 angles, not {len(self.joints)}; or use 'home_config'"
+                f"MoveJoints needs {count} angles, not {len(self.joints)}; or use 'home_config'"
             )
         return np.array(self.joints)
 

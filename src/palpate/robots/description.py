@@ -45,7 +45,9 @@ if TYPE_CHECKING:
 # before the sensors.
 LINK_DAMPING = 0.003
 PAD_FRICTION = (1.0, 0.01, 0.0001)  # of rubber: sliding, torsional (m) and rolling (m)
-AXES = 7  # joints of an arm: with fewer, a pose fixes the elbow, and no null space exists
+# Joints of an arm, and of one with a six-axis sensor. With six joints, a pose fixes the elbow: joint
+# torques then have no reference in the same configuration, and the sensor weighs instead.
+AXES, SENSED_AXES = 7, (6, 7)
 WORLD, OWN = 1, 1 << 20  # contact bits: the default one, and a rare one for the arm's own shapes
 OVERLAPPING = 2  # joints between bodies whose shapes may overlap
 MISPLACED = 0.003  # m by which TCP and palm may differ from the shapes of the hand
@@ -176,18 +178,13 @@ def triple(vector: Array) -> Triple:
 
 
 def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
-    """Require seven hinges and a parallel hand, and no other joints.
+    """Require hinges and a parallel hand, and no other joints.
 
     Raises:
         InputError: another kind of robot; the message names the reason.
     """
-    # The arm has seven named axes; every named part exists.
-    if len(sheet.joints) != AXES:
-        raise InputError(
-            f"{where}: 'joints' names {len(sheet.joints)}; the arm must have {AXES} axes with "
-            "joint torque sensing. Six-axis arms are out of scope: without a null space the elbow "
-            "cannot stay where a measurement's reference had it"
-        )
+    require_axes(where, sheet)
+    # Every named part exists.
     joints = [model.joint(i).name for i in range(model.njnt)]
     bodies = [model.body(i).name for i in range(1, model.nbody)]
     sites = [model.site(i).name for i in range(model.nsite)]
@@ -210,6 +207,39 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
         if model.joint(name).type[0] != int(wanted):
             raise InputError(f"{where}: '{name}' must be a {kind}")
     require_hand(where, sheet, model)
+
+
+def require_axes(where: Path, sheet: Sheet) -> None:
+    """Require a number of joints that can weigh, and as many figures of each kind.
+
+    Raises:
+        InputError: too few or too many joints, or a list of another length.
+    """
+    count = len(sheet.joints)
+    if count not in ((AXES,) if sheet.wrench_sensor is None else SENSED_AXES):
+        raise InputError(
+            f"{where}: 'joints' names {count}; give an arm with {AXES} joints, or one with 6 and a "
+            "six-axis sensor at the wrist, as 'wrench_sensor'. With 6 joints a pose fixes the elbow, "
+            "and joint torques alone have no reference for a weight"
+        )
+    lists = {
+        "home": sheet.home,
+        "velocity": sheet.velocity,
+        "torque": sheet.torque,
+        "ripple_cycles": sheet.ripple_cycles,
+        "stiffness.joints": sheet.stiffness.joints,
+        "hardware.stiffness.joints": sheet.hardware and sheet.hardware.stiffness.joints,
+        "sensors.torque_noise": sheet.sensors.torque_noise,
+        "sensors.friction": sheet.sensors.friction,
+        **{f"postures[{i}]": row for i, row in enumerate(sheet.postures)},
+    }
+    for name, values in lists.items():
+        if values is not None and len(values) != count:
+            like = "; 'like' took it over from another arm" if "." in name or "[" in name else ""
+            raise InputError(
+                f"{where}: '{name}': give a list of {count} numbers, one a joint, not "
+                f"{len(values)}{like}"
+            )
 
 
 def require_hand(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
@@ -361,7 +391,7 @@ class Limits:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class RobotDescription:
-    """A seven-axis arm with a parallel hand."""
+    """An arm with six or seven axes and a parallel hand."""
 
     name: str  # for `--arm`
     label: str  # title
@@ -517,7 +547,7 @@ def limits_of(where: Path, sheet: Sheet, model: mujoco.MjModel) -> Limits:
     if not (torque > 0).all():
         raise InputError(
             f"{where}: 'torque' is missing, and the joints of {sheet.mjcf} state no "
-            "actuatorfrcrange: give the seven joint torque limits, N m"
+            "actuatorfrcrange: give the torque limits of the joints, N m"
         )
     safety = sheet.safety
     # A joint without limits turns one revolution in either direction.

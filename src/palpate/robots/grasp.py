@@ -213,8 +213,8 @@ class _Scene:
         ahead = float(np.arctan2(*base.local((*centre, height))[1::-1]))
         if abs(ahead + turned) > MOST_TURN:
             other = turned - np.copysign(np.pi, turned)
-            wrist = arm.home[6] - other
-            if arm.limits.q_min[6] + WRIST_SPARE < wrist < arm.limits.q_max[6] - WRIST_SPARE:
+            wrist = arm.home[-1] - other
+            if arm.limits.q_min[-1] + WRIST_SPARE < wrist < arm.limits.q_max[-1] - WRIST_SPARE:
                 turned = other
         return Pose.top_down((*centre, height), azimuth + turned)
 

@@ -50,7 +50,7 @@ def inverse_kinematics(
 def too_far(arm: RobotDescription, pose_base_tcp: Pose) -> bool:
     """Test if a pose is out of reach. The test is quick, and false for some poses out of reach.
 
-    The sixth joint lies on a circle about the axis of the last joint. The pose is out of reach if every point
+    The joint before the last lies on a circle about the axis of the last joint. The pose is out of reach if every point
     of that circle is farther from the shoulder than the links between them can reach.
     """
     links = _links(arm)
@@ -71,7 +71,7 @@ def within_joint_limits(arm: RobotDescription, q: Array, margin: float = JOINT_M
 
 @cache
 def model_without_fingers(arm: RobotDescription) -> mujoco.MjModel:
-    """Compile the nominal arm and hand: seven joints, the base at the origin."""
+    """Compile the nominal arm and hand: the base at the origin."""
     spec = arm.spec()
     for finger in arm.hand.fingers:
         spec.delete(spec.joint(finger).parent)
@@ -83,7 +83,7 @@ def forward_kinematics(arm: RobotDescription, q: tuple[float, ...]) -> Pose:
     """Compute the TCP's pose relative to the base at joint angles `q` (7), rad."""
     model = model_without_fingers(arm)
     data = mujoco.MjData(model)
-    data.qpos[:7] = q
+    data.qpos[:] = q
     mujoco.mj_kinematics(model, data)
     site, quaternion = data.site(arm.tcp), np.empty(4)
     mujoco.mju_mat2Quat(quaternion, site.xmat)
@@ -160,7 +160,7 @@ def _seeds(
     if seed is not None:
         yield np.array(seed)
     # Home, turned about the base towards the target, with the last joint set by the tool's yaw.
-    first, last = np.eye(7)[0], np.eye(7)[6]
+    first, last = np.eye(len(arm.joints))[[0, -1]]
     azimuth = float(np.arctan2(pose_base_tcp.position[1], pose_base_tcp.position[0]))
     ready = arm.home + azimuth * first
     tool_x = pose_base_tcp.rotation[:, 0]
@@ -173,14 +173,14 @@ def _seeds(
 class _Links(NamedTuple):
     """The arm between its second joint and its last.
 
-    The sixth joint lies on a circle about the axis of the last joint.
+    The joint before the last lies on a circle about the axis of the last joint.
     """
 
     shoulder: Array  # (3,) m, the second joint in the base
     wrist: Array  # (3,) m, centre of the circle in the tool frame
     axis: Array  # (3,) axis of the circle in the tool frame
     radius: float  # m
-    stretched: float  # m, largest distance of the sixth joint from the shoulder
+    stretched: float  # m, largest distance of the joint before the last from the shoulder
     missed: float  # m, error of the circle where the tool is within the tolerances
 
 
@@ -201,11 +201,17 @@ def _links(arm: RobotDescription) -> _Links:
         along = float(way @ axes[joint])
         return np.array([along, float(np.linalg.norm(way - along * axes[joint]))])
 
-    # Two links reach farthest when they point the same way from the axis of the joint between them.
-    stretched = sum(float(np.linalg.norm(parts(i - 1, i) + parts(i, i))) for i in (2, 4))
-    # The circle of the sixth joint in the tool frame, and its error within the tolerances.
-    along, radius = parts(5, 6).tolist()
+    # Two links reach farthest when they point the same way from the axis of the joint between them. A
+    # last single link adds its length.
+    end = len(joints) - 1
+    stretched = sum(
+        float(np.linalg.norm(parts(i - 1, i) + parts(i, i))) for i in range(2, end - 1, 2)
+    )
+    if end % 2:
+        stretched += float(np.linalg.norm(parts(end - 2, end - 2)))
+    # The circle of the joint before the last in the tool frame, and its error within the tolerances.
+    along, radius = parts(end - 1, end).tolist()
     to_tool = tcp.xmat.reshape(3, 3).T
-    wrist = to_tool @ (at[6] - along * axes[6] - tcp.xpos)
+    wrist = to_tool @ (at[end] - along * axes[end] - tcp.xpos)
     missed = POSITION_TOLERANCE + float(ANGLE_TOLERANCE * np.linalg.norm(wrist))
-    return _Links(at[1].copy(), wrist, to_tool @ axes[6], radius, stretched, missed)
+    return _Links(at[1].copy(), wrist, to_tool @ axes[end], radius, stretched, missed)

@@ -105,11 +105,12 @@ class NominalArm:
         self._data = mujoco.MjData(self._model)
         self._tcp = self._model.site(arm.tcp).id
         self._elbow = int(self._model.jnt_bodyid[self._model.joint(arm.joints[3]).id])
-        self._q, self._dq = self._data.qpos[:7], self._data.qvel[:7]
-        self._ddq, self._cvel = self._data.qacc[:7], self._data.cvel
+        self._joints = n = len(arm.joints)
+        self._q, self._dq = self._data.qpos[:n], self._data.qvel[:n]
+        self._ddq, self._cvel = self._data.qacc[:n], self._data.cvel
         self._position = self._data.site_xpos[self._tcp]
         self._quaternion = self._data.xquat[self._model.body(arm.hand.body).id]
-        self._data.qpos[7:] = arm.hand.opening / 4
+        self._data.qpos[n:] = arm.hand.opening / 4
 
     def kinematics(self, q: Array, dq: Array | None = None, ddq: Array | None = None) -> Kinematics:
         """Compute the kinematics at `q` (n, 7), rad; at rest, or moving at `dq` and `ddq` (n, 7)."""
@@ -130,7 +131,8 @@ class NominalArm:
                 mujoco.mj_comVel(model, data)
                 mujoco.mj_rne(model, data, 1, inertia[i])
                 inertia[i] -= gravity[i]
-        return Kinematics(pose, jacobian[:, :, :7], gravity[:, :7], inertia[:, :7])
+        joints = slice(self._joints)
+        return Kinematics(pose, jacobian[:, :, joints], gravity[:, joints], inertia[:, joints])
 
     def poses(self, q: Array) -> Array:
         """Compute the TCP's poses (n, 7) at configurations `q` (n, 7), rad."""
@@ -143,28 +145,29 @@ class NominalArm:
 
     def stances(self, q: Array) -> tuple[Array, Array]:
         """Compute the TCP's poses (n, 7) and Jacobians (n, 6, 7) at configurations `q` (n, 7), rad."""
-        pose, jacobian = np.empty((len(q), 7)), np.empty((len(q), 6, 7))
+        pose, jacobian = np.empty((len(q), 7)), np.empty((len(q), 6, self._joints))
         for i in range(len(q)):
             jacobian[i] = self.jacobian(q[i])
             pose[i, :3], pose[i, 3:] = self._position, self._quaternion
         return pose, jacobian
 
     def offsets(self, q: Array) -> Array:
-        """Compute the sensitivity (n, 3, 21) of the TCP position to position errors of the links, at `q` (n,
+        """Compute the sensitivity (n, 3, 3 m) of the TCP position to position errors of the links, at `q` (n,
         7), rad.
 
         A column is the motion of the TCP, world axes, per m of position error of a link. The error is
-        along one axis of the link's parent. There are three columns for each of the seven links.
+        along one axis of the link's parent. There are three columns a link.
         """
-        out = np.empty((len(q), 3, 7, 3))
-        bodies = self._model.jnt_bodyid[:7]
+        n = self._joints
+        out = np.empty((len(q), 3, n, 3))
+        bodies = self._model.jnt_bodyid[:n]
         for i in range(len(q)):
             self._q[:] = q[i]
             mujoco.mj_kinematics(self._model, self._data)
             # A shift of a link moves the TCP by the same vector: the parent's axes in the world.
-            turns = self._data.xmat[self._model.body_parentid[bodies]].reshape(7, 3, 3)
+            turns = self._data.xmat[self._model.body_parentid[bodies]].reshape(n, 3, 3)
             out[i] = turns.transpose(1, 0, 2)
-        return out.reshape(len(q), 3, 21)
+        return out.reshape(len(q), 3, 3 * n)
 
     def reach(self, goal: Pose, posture: Array) -> Array:
         """Compute the configuration (7,) with the TCP at `goal` and the null space at rest near `posture`.
@@ -180,7 +183,9 @@ class NominalArm:
         """
         # Start from the posture, turned towards the goal.
         ahead = self._pose_world_base.local(goal.position)
-        posture = self._level_tool(posture + np.arctan2(ahead[1], ahead[0]) * np.eye(7)[0], goal)
+        posture = self._level_tool(
+            posture + np.arctan2(ahead[1], ahead[0]) * np.eye(self._joints)[0], goal
+        )
         q, damping = posture, SEARCH_DAMPING * np.eye(6)
         error, scaled = np.empty((2, 6))
         for _ in range(SEARCH_STEPS):
@@ -205,7 +210,7 @@ class NominalArm:
         return q
 
     def _level_tool(self, posture: Array, goal: Pose) -> Array:
-        """Turn the last two joints as the tool swings and twists on its way to a level `goal`.
+        """Turn the wrist's joints as the tool swings and twists on its way to a level `goal`.
 
         A search that starts elsewhere may fold the wrist.
         """
@@ -221,11 +226,13 @@ class NominalArm:
         now = np.empty(3)
         mujoco.mju_rotVecQuat(now, np.eye(3)[2], self._quaternion)
         twist = (2.0 * np.arctan2(z, w) + np.pi) % (2.0 * np.pi) - np.pi
-        # Signs follow the axes of the sixth and the seventh joint.
-        swing = np.arccos(max(swung, -1.0)) * np.sign(
-            np.cross(now, goal.rotation[:, 2]) @ axes[:, 5]
-        )
-        return posture + np.array([0.0] * 5 + [swing, twist * np.sign(now @ axes[:, 6])])
+        # The swing is about the axis before the last one that is nearest to it; signs follow the axes.
+        along = np.cross(now, goal.rotation[:, 2]) @ axes
+        swinging = self._joints - 3 + int(np.abs(along[-3:-1]).argmax())
+        turned = posture.copy()
+        turned[swinging] += np.arccos(max(swung, -1.0)) * np.sign(along[swinging])
+        turned[-1] += twist * np.sign(now @ axes[:, -1])
+        return turned
 
     def dynamics(self, q: Array, dq: Array) -> tuple[Array, Array]:
         """Compute the mass matrix (7, 7), kg m^2, and Coriolis and centrifugal torques (7,), N m."""
@@ -237,7 +244,7 @@ class NominalArm:
         self._dq[:] = dq
         mujoco.mj_comVel(model, data)
         mujoco.mj_rne(model, data, 0, bias)
-        return mass_matrix, (bias - gravity)[:7]
+        return mass_matrix, (bias - gravity)[: self._joints]
 
     def mass_matrix(self, q: Array) -> Array:
         """Compute the joint-space inertia (7, 7), kg m^2, including the motors' reflected inertia."""
@@ -248,7 +255,7 @@ class NominalArm:
         mujoco.mj_crb(model, data)
         full = np.empty((model.nv, model.nv))
         mujoco.mj_fullM(model, data, full)
-        return full[:7, :7]
+        return full[: self._joints, : self._joints]
 
     def jacobian(self, q: Array) -> Array:
         """Compute the Jacobian (6, 7) of the TCP, world axes."""
@@ -257,7 +264,7 @@ class NominalArm:
         mujoco.mj_kinematics(model, data)
         mujoco.mj_comPos(model, data)
         mujoco.mj_jacSite(model, data, out[:3], out[3:], self._tcp)
-        return out[:, :7]
+        return out[:, : self._joints]
 
     def elbow_jacobian(self) -> Array:
         """Compute the Jacobian (3, 7) of the fourth joint's position, world axes, at the configuration
@@ -265,9 +272,9 @@ class NominalArm:
         """
         out = np.empty((3, self._model.nv))
         mujoco.mj_jacBody(self._model, self._data, out, None, self._elbow)
-        return out[:, :7]
+        return out[:, : self._joints]
 
     @property
     def armature(self) -> Array:
         """The motors' reflected inertia (7,), kg m^2."""
-        return self._model.dof_armature[:7].copy()
+        return self._model.dof_armature[: self._joints].copy()

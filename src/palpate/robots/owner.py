@@ -161,7 +161,21 @@ def _apply_figures(
 
 @cache
 def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescription:
-    """Return the arm with the figures of a robot.yaml."""
+    """Return the arm with the figures of a robot.yaml.
+
+    Raises:
+        InputError: the figures are those of an arm with another number of joints.
+    """
+    lists = {
+        "torque_gain.value": config.torque_gain and config.torque_gain.value,
+        "stiffness.joints": config.stiffness and config.stiffness.joints,
+    }
+    for name, values in lists.items():
+        if values is not None and len(values) != len(arm.joints):
+            raise InputError(
+                f"the robot.yaml has {len(values)} numbers in '{name}', and the arm '{arm.name}' has "
+                f"{len(arm.joints)} joints: give one a joint, or the arm that it was measured of"
+            )
     # The fence can only shrink the workspace.
     limits, fence, pace = arm.limits, config.workspace, arm.pace
     if fence is not None:

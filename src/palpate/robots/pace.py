@@ -13,7 +13,7 @@ import numpy as np
 from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import RIDGE, NominalArm
-from palpate.robots.sheet import MotionLimits
+from palpate.robots.sheet import MotionLimits, WristSheet
 
 STATIONS = 9  # number of configurations along a motion at which its speed limit is computed
 SOFTEST = 1e-3  # 1/kg added to a mobility: a mass above 1000 kg counts as immovable
@@ -202,9 +202,10 @@ def _nominal(arm: RobotDescription) -> NominalArm:
 
 # Ticks whose median is the measured wrench: 60 ms, in which a probing arm moves 1 mm at most.
 SUSTAINED = 3
-# N m: root of the sum of squares of the joint friction that a Franka's sensors show. It is half of
-# phi_1 of Gaz, Cognetti, Oliva, Robuffo Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248.
-RUBBING = 1.0
+# Joint friction that an arm's torques may show, over the `friction` of its description: root of the
+# sum of squares over the joints. A Franka's is 1.0 N m, half of phi_1 of Gaz, Cognetti, Oliva, Robuffo
+# Giordano, De Luca, RA-L 2019, doi:10.1109/LRA.2019.2931248.
+RUBBING = 6.637
 # Factor on this friction, with the owner's figures of rests and noise, beyond which a torque is no
 # error. Conforming runs leave up to 1.25 N m unexplained (ten scenarios at `hardware` and
 # `measured`), and 0.35 N m at `lab`.
@@ -225,13 +226,27 @@ class Doubt:
         return float(np.hypot(lasting, np.hypot(self.fleeting, since.fleeting)))
 
 
+def shown_friction(arm: RobotDescription) -> float:
+    """Compute the joint friction, N m, norm over the joints, that the arm's torques may show."""
+    return RUBBING * float(np.linalg.norm(arm.sensors.friction))
+
+
+def sensor_error(sensor: WristSheet) -> Array:
+    """Compute standard deviations (6,), N and N m, of a six-axis sensor's reading at a rest."""
+    return np.sqrt(sensor.white**2 / SUSTAINED + sensor.drift**2)
+
+
 def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
     """Compute the uncertainty of the moment about the unit `axis` (3,), in the base's axes, measured at rest.
 
     The joint angles are `q` (7,), rad, and the joint torques `tau` (7,), N m. The wrench at the TCP is
     (J J^T)^-1 J tau, and so is its deviation. A gain error of uniform distribution has the standard deviation
-    half width / sqrt(3).
+    half width / sqrt(3). A six-axis sensor measures the moment itself.
     """
+    if arm.wrench_sensor is not None and arm.nominal.wrench_sensor is not None:
+        own = sensor_error(arm.wrench_sensor)
+        lever = math.hypot(*arm.nominal.wrench_sensor.pose_tcp_sensor[:3])
+        return Doubt(np.zeros(1), math.hypot(own[3:].max(), lever * own[:3].max()))
     sensors, gain = arm.sensors, arm.nominal.torque_gain / np.sqrt(3.0)
     # Lever of each joint torque on the moment; relative errors scale with the torque.
     levers = moments(arm, q).T @ axis
@@ -244,26 +259,35 @@ def doubt(arm: RobotDescription, q: Array, tau: Array, axis: Array) -> Doubt:
 
 
 def rubbing(arm: RobotDescription, pose_base_tcp: Pose) -> float:
-    """Compute the largest moment about the TCP, N m, that joint friction of `RUBBING` can imitate at a pose.
+    """Compute the largest moment about the TCP, N m, that joint friction can imitate at a pose.
 
     Where the wrist's first and last axis are nearly parallel, their torques carry no information on a moment
     across them. Friction can then imitate any such moment.
     """
-    return RUBBING * _moment_gain(arm, tuple(pose_base_tcp.vector.round(6).tolist()))
+    return shown_friction(arm) * _moment_gain(arm, tuple(pose_base_tcp.vector.round(6).tolist()))
 
 
 @lru_cache
 def unexplained_torque(arm: RobotDescription) -> float:
     """Compute the largest torque, N m, norm over the joints, that errors of the arm can explain.
 
-    These errors are friction of `RUBBING`, remainders of rests, and the sensors' noise.
+    These errors are friction of the joints, remainders of rests, and the sensors' noise.
     """
     rest = np.maximum(arm.sensors.friction, arm.rest_torque)
     noise = arm.sensors.torque_noise / np.sqrt(SUSTAINED)
-    return SURELY * float(np.sqrt(RUBBING**2 + rest @ rest + noise @ noise))
+    return SURELY * float(np.sqrt(shown_friction(arm) ** 2 + rest @ rest + noise @ noise))
 
 
 def mistaken_force(arm: RobotDescription, q: Array) -> float:
+    """Compute the largest force on the TCP, N, that errors of the measured wrench imitate at joint angles `q`
+    (7,), rad: those of a six-axis sensor, or of the joint torques.
+    """
+    if arm.wrench_sensor is not None:
+        return SURELY * float(np.linalg.norm(sensor_error(arm.wrench_sensor)[:3]))
+    return force_of_torque_errors(arm, q)
+
+
+def force_of_torque_errors(arm: RobotDescription, q: Array) -> float:
     """Compute the largest force on the TCP, N, that `unexplained_torque` can imitate at joint angles `q` (7,),
     rad.
 
@@ -275,8 +299,10 @@ def mistaken_force(arm: RobotDescription, q: Array) -> float:
 
 def mistaken_weight(arm: RobotDescription, q: Array, up: Array) -> float:
     """Compute the largest force along the unit `up` (3,), N, that `unexplained_torque` can imitate at joint
-    angles `q` (7,), rad.
+    angles `q` (7,), rad; or the error of a six-axis sensor.
     """
+    if arm.wrench_sensor is not None:
+        return SURELY * float(sensor_error(arm.wrench_sensor)[:3].max())
     return unexplained_torque(arm) * float(np.linalg.norm(up @ _unit_wrenches(arm, q)[:3]))
 
 

@@ -347,7 +347,7 @@ class Commanded:
         (now, origin), pace = begin, self._arm.pace
         # Goal of the null space, and the turn of the wrist towards it.
         bent = self._nominal.reach(target, self._arm.home)
-        turn = wrist_turn(origin, target.quaternion, float(bent[6] - q[6]))
+        turn = wrist_turn(origin, target.quaternion, float(bent[-1] - q[-1]))
         goal = np.concatenate([target.position, turn])
         way = goal[:3] - now.p[:3]
         distance = max(float(np.linalg.norm(way)), 1e-6)
@@ -362,7 +362,7 @@ class Commanded:
         # TCP and null space move in step: both paths share the rates.
         acceleration = min(pace.acceleration / distance, pace.turning_acceleration / angle)
         path = straight(t, now, goal, parts, acceleration)
-        resting = MotionState(q, np.zeros(7), np.zeros(7))
+        resting = MotionState(q, np.zeros_like(q), np.zeros_like(q))
         return PosePath(path, origin), straight(t, resting, bent, parts, acceleration)
 
     def _arc_path(
@@ -391,7 +391,7 @@ class Commanded:
         states = [arc.state(start, into_tool, share.at(one)) for one in knots.tolist()]
         duration = (share.end - t) / count
         pieces = [quintic(one, other, duration) for one, other in pairwise(states)]
-        resting = MotionState(q, np.zeros(7), np.zeros(7))
+        resting = MotionState(q, np.zeros_like(q), np.zeros_like(q))
         posture = straight(t, resting, bent, parts, acceleration)
         return PosePath(PositionPath(knots, np.array(pieces)), origin), posture
 

@@ -11,7 +11,7 @@ import os
 import tempfile
 from functools import lru_cache
 from pathlib import Path
-from typing import Annotated, Any, Literal
+from typing import Annotated, Any, Literal, cast
 
 import numpy as np
 from pydantic import (
@@ -35,16 +35,15 @@ from palpate.common.pose import Array
 from palpate.robots.sheet import (
     AS_LIST,
     ControllerStiffness,
+    Joints,
     Name,
     OwnReflex,
     Pair,
-    Seven,
     Vector,
     Workspace,
     finite_array,
 )
 
-JOINTS = 7
 MAX_BYTES = 100_000  # largest robot.yaml
 ASKEW = 1e-9  # relative rounding error of a covariance's symmetry, and of its smallest eigenvalue
 
@@ -55,9 +54,12 @@ Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
 
 
 def require_covariance(value: Any) -> Array:
-    """Validate a covariance (7, 7)."""
-    message = f"give {JOINTS} lists of {JOINTS} numbers that are a covariance"
-    array = finite_array(value, (JOINTS, JOINTS), message)
+    """Validate a covariance (n, n) of n joints."""
+    message = "give as many lists of numbers as joints, each with one number a joint, that are a covariance"
+    count = len(cast("list[Any]", value)) if isinstance(value, list | np.ndarray) else 0
+    array = finite_array(value, (count, count), message)
+    if not count:
+        raise ValueError(message)
     small = ASKEW * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
         raise ValueError(message)
@@ -103,9 +105,9 @@ class SensorGains(MeasuredFigure):
     predicate. The remaining error replaces the datasheet's in the intervals.
     """
 
-    value: Seven  # a reading is 1 + `value` times the torque
-    std: Seven | None = None  # of joints measured separately
-    # instead of `std`, of joints measured together, which is more informative: seven lists of seven numbers
+    value: Joints  # a reading is 1 + `value` times the torque
+    std: Joints | None = None  # of joints measured separately
+    # instead of `std`, of joints measured together, which is more informative: a list a joint, of a number a joint
     covariance: JointCovariance | None = None
 
     @model_validator(mode="after")
@@ -114,13 +116,15 @@ class SensorGains(MeasuredFigure):
             raise ValueError("give 'std' or 'covariance', one of the two")
         if self.std is not None and (self.std < 0).any():
             raise ValueError("'std' must not be negative")
+        if len(self.spread) != len(self.value):
+            raise ValueError("give as many numbers in 'value' as in 'std' or 'covariance'")
         if (self.value <= -1).any():
             raise ValueError("'value' is relative: 0.01 is one per cent")
         return self
 
     @property
     def spread(self) -> Array:
-        """Covariance (7, 7) of the relative errors."""
+        """Covariance (n, n) of the relative errors of n joints."""
         if self.covariance is not None:
             return self.covariance
         assert self.std is not None

@@ -128,8 +128,20 @@ def numbers(count: int) -> PlainValidator:
     return PlainValidator(lambda v: finite_array(v, (count,), f"give a list of {count} numbers"))
 
 
+def joint_numbers(value: Any) -> Array:
+    """Read one finite number a joint. The description compares their count with the arm's joints.
+
+    Raises:
+        ValueError: other than a list of numbers.
+    """
+    message = "give a list of numbers, one a joint"
+    if not isinstance(value, list | tuple | np.ndarray):
+        raise ValueError(message)
+    return finite_array(value, (len(cast("list[Any]", value)),), message)
+
+
 AS_LIST = PlainSerializer(np.ndarray.tolist)
-Seven = Annotated[Array, numbers(7), AS_LIST]  # one per joint
+Joints = Annotated[Array, PlainValidator(joint_numbers), AS_LIST]  # one per joint
 Vector = Annotated[Array, numbers(3), AS_LIST]
 Pair = Annotated[Array, numbers(2), AS_LIST]
 Size = Annotated[float, Field(gt=0, allow_inf_nan=False)]
@@ -238,7 +250,7 @@ class ControllerStiffness(Section):
 
     translation: Size  # N/m, at the TCP
     rotation: Size  # N m/rad
-    joints: Seven  # N m/rad
+    joints: Joints  # N m/rad
 
 
 class Hardware(Section):
@@ -289,8 +301,8 @@ class Accuracy(Section):
 class SensorErrors(Section):
     """Errors of the joint torque signals, and standard deviations of the links from the nominal ones."""
 
-    torque_noise: Seven  # N m, standard deviation of a 1 kHz sample
-    friction: Seven  # N m, largest friction of bearings, seals and cables behind the sensor
+    torque_noise: Joints  # N m, standard deviation of a 1 kHz sample
+    friction: Joints  # N m, largest friction of bearings, seals and cables behind the sensor
     drift: Share  # N m, standard deviation of a signal's drift
     link_mass: Share  # relative
     link_com: Share  # m per axis
@@ -320,12 +332,12 @@ class Sheet(Section):
 
     label: Name  # title of the arm
     mjcf: Path  # the arm's file, relative to the folder
-    joints: tuple[Name, ...]  # the seven hinges, from the base on
-    home: Seven  # rad, tool down
-    velocity: Seven  # rad/s
-    torque: Seven | None = None  # N m; absent: the MJCF's `actuatorfrcrange`
+    joints: tuple[Name, ...]  # the hinges, from the base on
+    home: Joints  # rad, tool down
+    velocity: Joints  # rad/s
+    torque: Joints | None = None  # N m; absent: the MJCF's `actuatorfrcrange`
     # gear ripples per turn of each joint; absent: unknown
-    ripple_cycles: Annotated[tuple[Size, ...], Field(min_length=7, max_length=7)] | None = None
+    ripple_cycles: Annotated[tuple[Size, ...], Field(min_length=1)] | None = None
     payload: Size  # kg
     workspace: Workspace
     reach: Reach
@@ -336,7 +348,7 @@ class Sheet(Section):
     pace: MotionLimits
     accuracy: Accuracy
     sensors: SensorErrors
-    postures: tuple[Seven, ...]  # rad, relative to home: further seeds of the inverse kinematics
+    postures: tuple[Joints, ...]  # rad, relative to home: further seeds of the inverse kinematics
     hardware: Hardware | None = None
     wrench_sensor: WristSheet | None = None  # absent: the arm has none
 

@@ -63,7 +63,8 @@ class SpringGains:
     @classmethod
     def of_torques(cls, inertia: Array) -> SpringGains:
         """Return zero gains: the joint drives take torques. `inertia` (7, 7) kg m^2."""
-        return cls(False, np.zeros(7), np.zeros(7), inertia, np.diag(inertia))
+        none = np.zeros(len(inertia))
+        return cls(False, none, none, inertia, np.diag(inertia))
 
     def dampers(self, jacobian: Array, swivel: Swivel) -> Array:
         """Map all dampers to the joints, (7, 7): J^T D J of the TCP's dampers plus the null space's."""
@@ -90,7 +91,10 @@ class SpringGains:
 
 
 class Swivel(NamedTuple):
-    """Motion of the elbow with the TCP at rest, in one configuration: the null space of an arm with seven joints."""
+    """Motion of the elbow with the TCP at rest, in one configuration: the null space of an arm with seven joints.
+
+    An arm with six joints has none: its axis and its damping are zero.
+    """
 
     axis: Array  # (7,) unit vector n of joint rates without a twist, J n = 0; torques along it make no force
     damping: float  # N m s/rad, critical with the inertia n^T M n of the joints alone
@@ -101,8 +105,11 @@ class Swivel(NamedTuple):
         """Compute it from the Jacobian J (6, 7) and the joints' own inertia (7,), kg m^2."""
         from scipy.linalg.lapack import dposv
 
+        joints = jacobian.shape[1]
+        if joints <= len(jacobian):
+            return cls(np.zeros(joints), 0.0, own)
         # The projection 1 - J^T (J J^T)^-1 J is n n^T: its largest column is parallel to n.
-        onto = np.eye(7) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
+        onto = np.eye(joints) - jacobian.T @ dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1]
         axis = onto[:, int(onto.diagonal().argmax())]
         axis = axis / math.sqrt(axis @ axis)
         return cls(axis, 2 * POSTURE_RATE * float(own @ axis**2), own)

@@ -116,10 +116,12 @@ class SignalWatch:
         self._before: RobotState | None = None
         self._contacts: deque[Array] = deque()
         self._rested = 0.0
-        self._states = Constancy({"wrench": 6, "contact": 6, "torques": 7, "encoders": 7})
-        self._logged = Constancy({"wrench": 6, "torques": 7, "encoders": 7})
-        self._last = Samples.empty()
-        self._way = self._integral = np.zeros(7)
+        joints = len(arm.joints)
+        own = {"torques": joints, "encoders": joints}
+        self._states = Constancy({"wrench": 6, "contact": 6, **own})
+        self._logged = Constancy({"wrench": 6, **own})
+        self._last = Samples.empty(joints)
+        self._way = self._integral = np.zeros(joints)
         self._summed = 0.0
 
     def look(self, state: RobotState) -> None:
@@ -178,7 +180,7 @@ class SignalWatch:
             return None
         # Compare them after a while, and start the sums from zero.
         apart, lasted = np.abs(self._way - self._integral), self._summed
-        self._way = self._integral = np.zeros(7)
+        self._way = self._integral = np.zeros_like(self._way)
         self._summed = 0.0
         if apart.max() <= DISAGREEMENT:
             return None

@@ -193,7 +193,7 @@ def _grasp_along(
         back = pose.translate(-RETREAT * direction)
         bent = [configuration(arm, base.inverse() @ one) for one in (pose, back)]
         if all(within_joint_limits(arm, q, LIMIT_MARGIN) for q in bent):
-            reached.append((max(float(abs(q - arm.home)[6]) for q in bent), pose))
+            reached.append((max(float(abs(q - arm.home)[-1]) for q in bent), pose))
     if not reached:
         return None
     return replace(found, pose=min(reached, key=lambda one: one[0])[1])

@@ -140,7 +140,7 @@ class Poses(_Strict):
     """Poses of the objects' frames in the world; they overrule the MJCF."""
     places: dict[Name, PoseEntry] = {}
     """Poses of the TCP, by names that plans may use; it points down unless euler or quat is given."""
-    joints: dict[Name, tuple[Number, Number, Number, Number, Number, Number, Number]] = {}
+    joints: dict[Name, Annotated[tuple[Number, ...], Field(min_length=6, max_length=7)]] = {}
     """Joint configurations, rad; `home_config` is where plans begin."""
     offsets: dict[Name, Offset | dict[Name, Offset]] = {}
     """Offsets of plans, m: along the axis an offset is named after, or [x, y, z] along the grasp's
@@ -189,7 +189,7 @@ _FORMS = {
     "objects": f"{_POSE}; source: picture, stated or seen; std in m if it is uncertain, or the pose's covariance",
     "places": _POSE,
     "grasps": _POSE,
-    "joints": "seven angles in rad",
+    "joints": "one angle a joint in rad",
     "offsets": "a length in m, [x, y, z] in m, or a mapping of such offsets for one object",
     "camera": "a camera: pos: [x, y, z] in m, quat: [w, x, y, z], fovy in degrees, and size: [width, height] in pixels",
     "accuracy": "a length in m, more than 0 and at most 0.1",

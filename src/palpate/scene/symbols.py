@@ -398,6 +398,16 @@ def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, A
 
 
 def configurations(poses: Poses, home: Array) -> dict[str, Array]:
-    """Joint configurations of poses.yaml, (7,) rad, with `home` unless it states another."""
+    """Joint configurations of poses.yaml, rad of each joint, with `home` unless it states another.
+
+    Raises:
+        InputError: a configuration has another number of joints than the arm.
+    """
+    for name, joints in poses.joints.items():
+        if len(joints) != len(home):
+            raise InputError(
+                f"poses.yaml: the joint configuration '{name}' has {len(joints)} angles, and the arm "
+                f"has {len(home)} joints: give one angle a joint"
+            )
     given = {name: np.array(joints) for name, joints in poses.joints.items()}
     return {"home_config": home} | given

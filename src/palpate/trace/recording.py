@@ -174,7 +174,7 @@ class NominalHand:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class ArmLog:
-    """Joint signals of an arm with seven joints, in the order of its chain."""
+    """Joint signals of an arm, in the order of its chain."""
 
     t: Array  # (n,) s, increasing
     q: Array  # (n, 7) joint positions, rad

@@ -48,9 +48,9 @@ class Samples:
     """Sensed signals, one row per log period (block means of the 1 kHz control loop)."""
 
     t: Array  # (n,) robot time, s
-    q: Array  # (n, 7) joint positions, rad
-    dq: Array  # (n, 7) joint velocities, rad/s
-    tau_ext: Array  # (n, 7) measured joint torques less nominal gravity and friction, N m
+    q: Array  # (n, m) positions of m joints, rad
+    dq: Array  # (n, m) joint velocities, rad/s
+    tau_ext: Array  # (n, m) measured joint torques less nominal gravity and friction, N m
     wrench: Array  # (n, 6) external wrench at the TCP in world axes (see the module's convention)
     pose_world_tcp: Array  # (n, 7) position (m) and quaternion wxyz of the TCP
     twist: Array  # (n, 6) linear (m/s) and angular (rad/s) velocity of the TCP, world axes
@@ -65,11 +65,11 @@ class Samples:
             object.__setattr__(self, "wrench_sensor", np.empty((len(self.t), 0)))
 
     @classmethod
-    def empty(cls) -> Samples:
-        """Make samples without rows."""
-        scalars, joints = np.empty(0), np.empty((0, 7))
+    def empty(cls, joints: int = 7) -> Samples:
+        """Make samples without rows, of an arm with some joints."""
+        scalars, each = np.empty(0), np.empty((0, joints))
         pose, wrench = np.empty((0, 7)), np.empty((0, 6))
-        return cls(scalars, joints, joints, joints, wrench, pose, wrench, pose, scalars)
+        return cls(scalars, each, each, each, wrench, pose, wrench, pose, scalars)
 
     @classmethod
     def concatenate(cls, parts: Iterable[Samples]) -> Samples:

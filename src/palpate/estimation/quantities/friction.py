@@ -24,7 +24,7 @@ from palpate.estimation.friction_fit import Sliding, fit_sliding, fit_whole
 from palpate.estimation.load_equations import FORCE_BIAS
 from palpate.estimation.quantities.quantity import Evidence, Prior, Quantity, Status, Values
 from palpate.estimation.weighing import WHOLE_APART, hangs_free
-from palpate.estimation.wrench_observation import observe
+from palpate.estimation.wrench_observation import observe_wrench
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.contacts import (
     acting_friction,
@@ -177,7 +177,7 @@ def estimate_friction(trace: Trace, parameter: Parameter, body: Body | None) -> 
     """
     slides = [r for r in trace.recordings if r.context.activity == "sliding"]
     evidence = tuple(r for r in slides if r.context.holding == parameter.object)
-    observed = observe(trace)
+    observed = observe_wrench(trace)
     drags = steady_drags(trace, parameter.object, observed)
     if not drags:
         return not_identified(

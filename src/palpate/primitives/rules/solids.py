@@ -225,7 +225,7 @@ class Solids:
         q, bent = self.configuration(start), self.configuration(end)
         if q is None or bent is None:
             return turn
-        return wrist_turn(start.quaternion, end.quaternion, float(bent[6] - q[6]))
+        return wrist_turn(start.quaternion, end.quaternion, float(bent[-1] - q[-1]))
 
     def reaches(self, pose_world_tcp: Pose) -> bool:
         """True if the arm can bring its TCP to a pose within its joint limits.

@@ -15,7 +15,7 @@ from palpate.robots.springs import SpringGains, Swivel
 ORIGIN = PREFIX + "origin"
 AXES = tuple(f"{PREFIX}cartesian_{axis}" for axis in "xyz")
 ORIENTATION = PREFIX + "orientation"
-DRIVES = tuple(f"{PREFIX}drive{i}" for i in range(1, 8))
+DRIVE_OF = PREFIX + "drive{}"  # of a joint, counted from 1
 NULL_SPACE = PREFIX + "null_space"
 
 
@@ -35,9 +35,9 @@ def add_actuators(world: mujoco.MjSpec, arm: RobotDescription) -> None:
     turn = world.add_actuator(own, name=ORIENTATION, trntype=site, target=tcp, refsite=ORIGIN)
     turn.set_to_orientation(kp=1.0, kv=1.0, ctrlspec=mujoco.mjtCtrlChart.mjCHART_QUAT)
     # A drive per joint acts as a spring or as a torque input.
-    for name, joint in zip(DRIVES, arm.joints, strict=True):
+    for i, joint in enumerate(arm.joints, 1):
         drive = world.add_actuator(
-            own, name=name, trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
+            own, name=DRIVE_OF.format(i), trntype=mujoco.mjtTrn.mjTRN_JOINT, target=PREFIX + joint
         )
         drive.set_to_position(kp=1.0, kv=1.0)
         world.joint(PREFIX + joint).actgravcomp = True
@@ -58,19 +58,19 @@ class Actuators:
         position, orientation, drives, swivel: indices into `ctrl`.
     """
 
-    def __init__(self, model: mujoco.MjModel) -> None:
+    def __init__(self, model: mujoco.MjModel, joints: int) -> None:
         self._gain, self._bias = model.actuator_gainprm, model.actuator_biasprm
         self._axes = [model.actuator(name).id for name in AXES]
         self._turn = model.actuator(ORIENTATION).id
-        self._drives = [model.actuator(name).id for name in DRIVES]
+        self._drives = [model.actuator(DRIVE_OF.format(i)).id for i in range(1, joints + 1)]
         first = model.actuator_ctrladr
         place, turn, drive = (int(first[i]) for i in (self._axes[0], self._turn, self._drives[0]))
         self.position, self.orientation = slice(place, place + 3), slice(turn, turn + 4)
-        self.drives = slice(drive, drive + 7)
+        self.drives = slice(drive, drive + joints)
         self._swivel = model.actuator(NULL_SPACE).id
         self.swivel = int(first[self._swivel])
         wraps = int(model.tendon_adr[model.tendon(NULL_SPACE).id])
-        self._axis = model.wrap_prm[wraps : wraps + 7]
+        self._axis = model.wrap_prm[wraps : wraps + joints]
 
     def set(self, gains: SpringGains) -> None:
         """Activate only these springs. The joint drives are torque inputs where the joints' springs are off."""

@@ -71,12 +71,12 @@ class Guard:
     0.04 rad in that time.
     """
 
-    def __init__(self) -> None:
-        self._torque: Array = np.zeros(7)
-        self._dq: Array = np.zeros(7)
+    def __init__(self, joints: int = 7) -> None:
+        self._torque: Array = np.zeros(joints)
+        self._dq: Array = np.zeros(joints)
         self._force: Array = np.zeros(3)
         self._usual: Array = np.zeros(3)
-        self._usual_torque: Array = np.zeros(7)
+        self._usual_torque: Array = np.zeros(joints)
         self._look = 0
         self.yielding = False  # True while the arm yields
         # Number of cycles after which the last run ends because the force changed; None without
@@ -116,7 +116,7 @@ class Guard:
         self._to_wrench = dposv(jacobian @ jacobian.T + RIDGE, jacobian)[1].T
         self._jacobian, self._mass_matrix, self._dampers = jacobian, mass_matrix, dampers
         self._to_force = force_of(jacobian)
-        self._to_rest = np.eye(7) - self._to_force.T @ jacobian[:3]
+        self._to_rest = np.eye(len(dq)) - self._to_force.T @ jacobian[:3]
         self._known = deviation
         self._dq = dq
         # Usual force and torques are low-pass filters of those at the end of each run.

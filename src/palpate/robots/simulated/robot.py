@@ -22,11 +22,11 @@ from palpate.robots.sheet import Reflex
 from palpate.robots.simulated.actuators import Gripper
 from palpate.robots.simulated.guard import Guard, Reaction
 from palpate.robots.simulated.noise.line import Stamps
-from palpate.robots.simulated.noise.model import Streams
+from palpate.robots.simulated.noise.model import Streams, WristErrors
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.robots.simulated.noise.sensors import Encoders, Sensors, WristSensor
 from palpate.robots.simulated.noise.true_arm import TrueArm
-from palpate.robots.simulated.readout import Readout
+from palpate.robots.simulated.readout import Readout, Wrist
 from palpate.robots.simulated.setpoints import (
     Correction,
     Setpoints,
@@ -37,12 +37,14 @@ from palpate.robots.simulated.timing import BLOCK, LONGEST_RUN, PERIOD, SUBSTEPS
 from palpate.robots.simulated.world import World
 from palpate.robots.springs import SpringGains, SpringInertia, Swivel
 from palpate.robots.trajectory import MotionState, PosePath, PositionPath, still
+from palpate.robots.wrist import HandLoad
 from palpate.trace.samples import Samples
 
 if TYPE_CHECKING:
     import mujoco
 
 
+ZEROING = 0.5  # s of rest over which a six-axis sensor is zeroed
 STANDSTILL = 0.005  # rad/s: slower joints have stopped yielding
 SHORTEST_YIELD, LONGEST_YIELD = 0.1, 0.5  # s after a reflex
 
@@ -101,7 +103,7 @@ class MujocoRobot(Commanded):
         self._stamps = Stamps(model.acquisition, streams)
         self._wider = truth.width()
         self._gripper = Gripper(arm.hand)
-        self._guard = Guard()
+        self._guard = Guard(len(arm.joints))
         self._thresholds = arm.limits.reflexes.contact
         self._reflex: str | None = None
         self._due, self._tick = 0.0, LONGEST_RUN * BLOCK
@@ -115,10 +117,10 @@ class MujocoRobot(Commanded):
             stamps=self._stamps,
             q=arm.home if q is None else q,
             torque=self._world.true_gravity_torque(),
-            gains=np.zeros(7) if config.torque_gain is None else config.torque_gain.value,
-            wrist=WristSensor(arm.wrench_sensor, model.sensor, streams)
-            if arm.wrench_sensor is not None
-            else None,
+            gains=np.zeros(len(arm.joints))
+            if config.torque_gain is None
+            else config.torque_gain.value,
+            wrist=self._zeroed_wrist(assumed, model.sensor, streams),
         )
         # The controller compensates the measured arm, MuJoCo the described one.
         measured = config.gravity or config.end_effector or config.base_lean
@@ -127,6 +129,16 @@ class MujocoRobot(Commanded):
         self._target = self._readout.pose_world_tcp.vector
         self._cached: RobotState | None = None
         self._follow_joints(still(0.0, self._readout.q))
+
+    def _zeroed_wrist(self, gravity: Array, errors: WristErrors, streams: Streams) -> Wrist | None:
+        """Make the arm's six-axis sensor, zeroed at rest with an empty hand; None without one."""
+        arm, sheet = self._arm, self._arm.wrench_sensor
+        if sheet is None:
+            return None
+        sensor, hand = WristSensor(sheet, errors, streams), HandLoad(arm, gravity)
+        attitude = self._world.true_tcp().quaternion
+        hand.zero(sensor.rest(self._world.true_hand_weight(), ZEROING), attitude)
+        return Wrist(sensor, hand)
 
     @property
     def world(self) -> World:
@@ -283,8 +295,8 @@ class MujocoRobot(Commanded):
         t, path, readout = self._world.t, self._path, self._readout
         if isinstance(path, PositionPath) and not self._yielding:
             return path.at(t)
-        rate = readout.rate if path.end > t else np.zeros(7)
-        return MotionState(self._leading(), rate, np.zeros(7))
+        none = np.zeros(len(self._arm.joints))
+        return MotionState(self._leading(), readout.rate if path.end > t else none, none)
 
     def _leading(self) -> Array:
         """Compute the joint set-points (7,), rad, at which the joints' springs exert the present torques.
@@ -394,7 +406,8 @@ class MujocoRobot(Commanded):
         control[:, actuators.drives] = self._dynamics[1] + correction.torque
         # The null space follows its posture with one torque per log period.
         posture = setpoints.posture[block : last // BLOCK]
-        swivel = self._swivel.torque(posture[0, :7] - readout.q, posture[:, 7:])
+        joints = len(readout.q)
+        swivel = self._swivel.torque(posture[0, :joints] - readout.q, posture[:, joints:])
         control[:, actuators.swivel] = np.repeat(swivel, BLOCK)
         actuators.damp(self._swivel)
         return target

@@ -33,7 +33,7 @@ class Setpoints:
     start: float  # s
     rows: Array  # (m, k) of each step
     poses: Array  # (m / 5, 7) commanded poses of each log period
-    posture: Array  # (m / 5, 14) goal and rate of the null space, at the beginning of each period
+    posture: Array  # (m / 5, 2 n) goal and rate of n joints for the null space, at the beginning of each period
 
     def first(self, t: float) -> int:
         """Return the step that begins at time `t`."""
@@ -94,7 +94,7 @@ class Correction:
         self._world, self._readout, self._encoders = world, readout, encoders
         self._needed = askew or not encoders.exact
         # (7,) N m by which the nominal arm's weight exceeds MuJoCo's compensation.
-        self.torque = np.zeros(7)
+        self.torque = np.zeros_like(readout.q)
         self._turn = np.array([1.0, 0.0, 0.0, 0.0])
         self._before = self._after = self._current_error()
 
@@ -113,7 +113,7 @@ class Correction:
 
     def joints(self, rows: Array) -> Array:
         """Correct set-points (n, 7), rad, of the joints' springs."""
-        return rows + self._ramp(len(rows), slice(3, 10)) if self._needed else rows
+        return rows + self._ramp(len(rows), slice(3, None)) if self._needed else rows
 
     def positions(self, rows: Array) -> Array:
         """Correct positions (n, 3), m, of the TCP."""
@@ -134,7 +134,7 @@ class Correction:
         """Compute the true less reported TCP position (3) and joint angles (7), and the turn between both
         orientations.
         """
-        readout, out = self._readout, np.zeros(10)
+        readout, out = self._readout, np.zeros(3 + len(self._readout.q))
         if not self._needed:
             out[:3] = -self._encoders.pose_error
             return out

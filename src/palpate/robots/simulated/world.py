@@ -50,8 +50,10 @@ FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 ASLEEP = 1e-4
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
-SENSED = 10  # values of these sensors: 7 motor torques and the 3 components of the hand's force
-WRENCH = 6  # values of a six-axis sensor, which follow
+HAND_FORCE, WRENCH = (
+    3,
+    6,
+)  # values of the hand's force, and of a six-axis sensor, which follow the motors' torques
 NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
 
 
@@ -93,7 +95,8 @@ class World:
         self._data = mujoco.MjData(self.model)
         # Addresses of the robot's joints, fingers and frames in the model's arrays.
         joints = [self.model.joint(PREFIX + name) for name in arm.joints]
-        self._q, self._v = run_of(joints[0].qposadr[0], 7), run_of(joints[0].dofadr[0], 7)
+        n = self._joints = len(joints)
+        self._q, self._v = run_of(joints[0].qposadr[0], n), run_of(joints[0].dofadr[0], n)
         finger = self.model.joint(PREFIX + arm.hand.fingers[0])
         self._finger_q, self._finger_v = run_of(finger.qposadr[0], 2), run_of(finger.dofadr[0], 2)
         self._tcp = int(self.model.site(PREFIX + arm.tcp).id)
@@ -108,7 +111,7 @@ class World:
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
         # Buffers for the longest run: the state and the sensors after each physics step.
-        count = SENSED + WRENCH * (arm.wrench_sensor is not None)
+        count = n + HAND_FORCE + WRENCH * (arm.wrench_sensor is not None)
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], count)
         self._touching = int(self.model.sensor(TOUCHING).adr[0])
         self._rollout = Rollout(nthread=0)
@@ -116,7 +119,7 @@ class World:
         self._states = np.empty((1, steps, mujoco.mj_stateSize(self.model, PHYSICS)))
         self._signals = np.empty((1, steps, self.model.nsensordata))
         self._at, self._warm = np.empty_like(self._states[:, 0]), np.empty((1, self.model.nv))
-        self.actuators = Actuators(self.model)  # actuators of the controller
+        self.actuators = Actuators(self.model, n)  # actuators of the controller
         # (nu,) initial value of each row of controls, for actuators without a command.
         self.rest_control = np.zeros(self.model.nu)
         self.rest_control[self.actuators.orientation.start] = 1.0
@@ -163,13 +166,13 @@ class World:
                 "check its masses, sizes and contact parameters"
             )
         # The motors' torques and the hand's force are means over each block.
-        means = self._means(0, count, BLOCK)
+        means, sensed = self._means(0, count, BLOCK), self._joints + HAND_FORCE
         steps = Steps(
             q=blocks[:, self._q],
             dq=qvel[:, self._v],
-            torque=means[:, :7],
-            push=means[:, 7:SENSED],
-            wrench=means[:, SENSED:],
+            torque=means[:, : self._joints],
+            push=means[:, self._joints : sensed],
+            wrench=means[:, sensed:],
             fingers=blocks[:, self._finger_q],
             finger_speed=qvel[:, self._finger_v],
             step=TIMESTEP / self._substeps,
@@ -227,7 +230,7 @@ class World:
         # The guard tests the effort (motor torque less weight) of every cycle.
         rates = self._states[0, self._ends(count), 1 + self.model.nq :][:, self._v].copy()
         fired = guard.observe(
-            self._means(0, count)[:, :7] - weight, rates, TIMESTEP / self._substeps
+            self._means(0, count)[:, : self._joints] - weight, rates, TIMESTEP / self._substeps
         )
         # Undo the cycles after the end of the run: restore the state, and repeat the cycles before.
         last = (guard.felt or count) if fired is None else fired + 1
@@ -249,7 +252,7 @@ class World:
         for i in range(len(control)):
             # The guard tests each cycle before the next one begins.
             self._cycle(control, i, i + 1)
-            effort = self._means(i, i + 1)[:, :7] - self.compensation
+            effort = self._means(i, i + 1)[:, : self._joints] - self.compensation
             step = TIMESTEP / self._substeps
             if guard.observe(effort, self._dq[None].copy(), step) is not None:
                 return i
@@ -317,6 +320,15 @@ class World:
     def true_gravity_torque(self) -> Array:
         """Compute the torques (7,), N m, that hold the true arm up now, at rest."""
         return self.data().qfrc_bias[self._v].copy()
+
+    def true_hand_weight(self) -> Array:
+        """Compute the wrench (6,) of a six-axis sensor now, at rest and with an empty hand, in its axes."""
+        model, data = self.model, self.data()
+        site = data.site(PREFIX + SENSOR)
+        weight = -model.body_subtreemass[self._hand] * model.opt.gravity
+        moment = np.cross(data.subtree_com[self._hand] - site.xpos, weight)
+        into = site.xmat.reshape(3, 3).T
+        return np.concatenate([into @ weight, into @ moment])
 
     @property
     def qpos(self) -> Array:

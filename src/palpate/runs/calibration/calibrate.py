@@ -17,7 +17,7 @@ import numpy as np
 from palpate.common.errors import InputError
 from palpate.estimation.wrench_observation import gain_root
 from palpate.robots.owner import require_same
-from palpate.robots.robot_config import JOINTS, RobotConfig, Simulated, read_config, write_config
+from palpate.robots.robot_config import RobotConfig, Simulated, read_config, write_config
 from palpate.runs.calibration.gains import LENGTH, MASS, Known
 from palpate.runs.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.runs.calibration.session import CalibrationSession
@@ -242,5 +242,5 @@ def gain_values(arm: RobotDescription) -> list[tuple[float, float]]:
     if gains is not None:
         stds = np.sqrt(gains.spread.diagonal()).tolist()
         return list(zip(gains.value.tolist(), stds, strict=True))
-    root = gain_root(arm.nominal, JOINTS)
+    root = gain_root(arm.nominal, len(arm.joints))
     return [(0.0, float(np.linalg.norm(row))) for row in root]

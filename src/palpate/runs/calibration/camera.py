@@ -41,7 +41,7 @@ from palpate.planning.plan import Node, Plan
 from palpate.primitives.state import HOME_CONFIG
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
-from palpate.robots.robot_config import JOINTS, CameraConfig
+from palpate.robots.robot_config import CameraConfig
 from palpate.runs.calibration.gains import Known
 from palpate.runs.calibration.procedures import calibration_plan, scene_of_settings
 from palpate.runs.calibration.session import CalibrationSession
@@ -271,7 +271,8 @@ def configurations(arm: RobotDescription) -> Array:
     # Draw about home within the joint limits; a fixed seed repeats the calibration.
     random = np.random.default_rng(0)
     low, high = arm.limits.q_min + LIMIT, arm.limits.q_max - LIMIT
-    q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, (DRAWN, JOINTS)), low, high).round(4)
+    spread = SPREAD * random.uniform(-1.0, 1.0, (DRAWN, len(low)))
+    q = np.clip(arm.home + spread, low, high).round(4)
     places = NominalArm(arm, Pose.of([0, 0, 0]), np.zeros(3)).poses(q)
     return q[places[:, 2] > CLEAR]
 

@@ -24,7 +24,6 @@ from palpate.planning.plan import Node
 from palpate.primitives.state import HOME_CONFIG
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
-from palpate.robots.robot_config import JOINTS
 from palpate.trace.samples import Trace
 
 MASS: Mapping[str, float] = {"kg": 1.0, "g": 1e-3, "mg": 1e-6}
@@ -168,7 +167,7 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
         posterior = fit_at_force(load_model(rows, grasps, about, hand), force, std)
     # The fit has unit prior deviations: scale its posterior by the root of the prior covariance.
     mean, covariance = posterior[GAIN]
-    root = gain_root(hand, JOINTS)
+    root = gain_root(hand, len(mean))
     return GainBelief(root @ mean, root @ covariance @ root.T)
 
 
@@ -204,7 +203,7 @@ def own_weight_tree(arm: RobotDescription) -> Node:
     steps = [home]
     while len(steps) <= 2 * CONFIGURATIONS:
         # Draw a configuration; keep it if the TCP is above the clearance and away from the base.
-        q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, JOINTS), low, high)
+        q = np.clip(arm.home + SPREAD * random.uniform(-1.0, 1.0, len(low)), low, high)
         x, y, z = nominal.poses(q[None])[0, :3].tolist()
         if z > CLEAR and math.hypot(x, y) > arm.reach.nearest:
             steps.append(Node("MoveJoints", (("joints", q.round(4).tolist()),)))
@@ -230,7 +229,7 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     # Average positions and torques over each rest: white noise becomes negligible.
     q = np.array([rest.q.mean(axis=0) for rest in rests])
     observed = np.array([rest.tau_ext.mean(axis=0) for rest in rests])
-    maps, root = observe(trace).maps(q), gain_root(trace.hand, JOINTS)
+    maps, root = observe(trace).maps(q), gain_root(trace.hand, q.shape[1])
     # Noise of a rest: friction and drift of each joint, and the wrench that sticks in all of them.
     own = arm.sensors.friction**2 + arm.sensors.drift**2
     stuck = trace.hand.force_repeatability * maps[:, :, :3]
@@ -270,7 +269,7 @@ def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
     degrees of freedom.
     """
     # Begin with the datasheet's noise.
-    size = np.ones(JOINTS)
+    size = np.ones(observed.shape[1])
     for _ in range(ROUNDS):
         # Refit with the current scale; the degrees of freedom are 1 less the leverage of each row.
         found = own_fit(causes, observed, noise * np.outer(size, size))
@@ -293,7 +292,7 @@ def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
     same = chi_squared(
         "own weight",
         float(mean @ np.linalg.solve(spread, mean)),
-        JOINTS,
+        len(mean),
         f"The arm measures its own weight otherwise than the accuracy of its sensors allows, most of all "
         f"in joint {worst + 1} ({apart[worst]:.1f} standard deviations): they were calibrated wrongly, "
         "or the arm carries something.",
@@ -313,8 +312,8 @@ def own_weight_columns(trace: Trace, arm: RobotDescription, q: Array) -> tuple[A
     nominal = NominalArm(arm, Pose.of([0, 0, 0]), -trace.gravity * UP)
     weight, links = nominal.kinematics(q).gravity_torque, link_columns(arm, trace.gravity, q)
     # A unit gain adds the change of the joint's own gravity torque.
-    gains = (weight[1:] - weight[0])[:, :, None] * np.eye(JOINTS)
-    offset = np.broadcast_to(OFFSET * np.eye(JOINTS), gains.shape)
+    gains = (weight[1:] - weight[0])[:, :, None] * np.eye(q.shape[1])
+    offset = np.broadcast_to(OFFSET * np.eye(q.shape[1]), gains.shape)
     return gains, np.concatenate([offset, links[1:] - links[0]], axis=2)
 
 
@@ -334,7 +333,7 @@ def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     held = regressor(chain, q, still, still, -gravity * UP)[..., :4]
     columns: list[Array] = []
     # Deviations of a link: its mass scales all moments, its centre shifts the first moments.
-    for joint, body in [*enumerate(bodies.links), (JOINTS - 1, heavier * bodies.hand)]:
+    for joint, body in [*enumerate(bodies.links), (q.shape[1] - 1, heavier * bodies.hand)]:
         shifts = sensors.link_com * body[0] * np.eye(4)[:, 1:]
         sizes = np.column_stack([sensors.link_mass * body[:4], shifts])
         columns.append(held[:, :, joint] @ sizes)

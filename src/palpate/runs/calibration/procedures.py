@@ -12,7 +12,7 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.parameter import Parameter
 from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
-from palpate.robots.robot_config import JOINTS, Lean, Repeated, SensorGains, Value
+from palpate.robots.robot_config import Lean, Repeated, SensorGains, Value
 from palpate.runs.calibration import gains
 from palpate.runs.calibration.gains import CONFIGURATIONS, GainBelief, Known, Stated
 from palpate.runs.calibration.session import BLOCK, GAUGE_NAMES, PLACES, CalibrationSession, truth
@@ -119,7 +119,7 @@ def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> No
     """Compose the gains for the next visits with the gains `found`. `by` names the procedure."""
     before = session.config.torque_gain
     # Compose with the gains that corrected these readings.
-    whole = found.after(np.zeros(JOINTS) if before is None else before.value)
+    whole = found.after(np.zeros(len(session.arm.joints)) if before is None else before.value)
     ways = [] if before is None or before.by is None else before.by.split("; ")
     # Remove asymmetry by rounding errors, and digits without meaning.
     covariance = ((whole.covariance + whole.covariance.T) / 2).round(DIGITS)

@@ -9,7 +9,6 @@ import numpy as np
 
 from palpate.common.pose import Array
 from palpate.robots.simulated.noise.model import (
-    JOINTS,
     EncoderRipple,
     FrictionNoise,
     PoseErrors,
@@ -93,7 +92,7 @@ class Rests:
         self._model, self._pose, self._period = sticking, pose, period
         self._force, self._own = streams.run("sticking.force"), streams.run("sticking.torque")
         self._places = streams.run("pose.repeatability")
-        self.torque, self._goal = np.zeros(JOINTS), np.zeros(JOINTS)
+        self.torque = self._goal = np.zeros_like(sticking.torque.size)
         self.pose_error = pose.repeatability.draw(self._places)
         self._place = self.pose_error.copy()
         self._resting, self._moved = False, math.inf
@@ -150,9 +149,10 @@ class JointFriction:
         self._model, self._period = friction, period
         spread = 1.0 + friction.spread.draw(streams("friction.spread"))
         self._level = friction.coulomb * np.maximum(spread, 0.0)
-        self._phase = streams("friction.position").uniform(-np.pi, np.pi, JOINTS)
+        self._phase = streams("friction.position").uniform(-np.pi, np.pi, len(self._level))
         # (7,) N m now, in the direction of the last motion.
-        self.torque = self._level * streams.run("friction.coulomb").uniform(-1.0, 1.0, JOINTS)
+        random = streams.run("friction.coulomb")
+        self.torque = self._level * random.uniform(-1.0, 1.0, len(self._level))
         self._varies = friction.static > 1 or friction.load.any() or friction.position.any()
         self._viscous = bool(friction.viscous.any())
         self.none = not (self._level.any() or self._viscous or friction.load.any())
@@ -197,7 +197,7 @@ class Waves:
         sizes = [ripple.size, ripple.second] if ripple.second.any() else [ripple.size]
         self.none = not np.any(sizes)  # True if the ripple is zero
         self._parts = [
-            (math.sqrt(2.0) * size, k * ripple.cycles, random.uniform(-np.pi, np.pi, JOINTS))
+            (math.sqrt(2.0) * size, k * ripple.cycles, random.uniform(-np.pi, np.pi, len(size)))
             for k, size in enumerate(sizes, start=1)
         ]
 
@@ -210,7 +210,7 @@ class Waves:
 
 
 class Resonator:
-    """Second-order low pass of seven joints, by the bilinear transform prewarped to the natural
+    """Second-order low pass of the joints, by the bilinear transform prewarped to the natural
     frequency.
     """
 
@@ -224,7 +224,7 @@ class Resonator:
         self._b = g * g * scale
         self._a1 = 2.0 * (g * g - 1.0) * scale
         self._a2 = (1.0 - 2.0 * resonance.damping * g + g * g) * scale
-        self._state = np.zeros((2, JOINTS))
+        self._state = np.zeros((2, len(omega)))
         self._maps: dict[int, Array] = {}
 
     def passed(self, ripple: Array) -> Array:
@@ -243,7 +243,7 @@ class Resonator:
 
         They contain the filter's response to each unit input.
         """
-        each = np.broadcast_to(np.eye(2 + count)[:, None], (2 + count, JOINTS, 2 + count))
+        each = np.broadcast_to(np.eye(2 + count)[:, None], (2 + count, len(self._b), 2 + count))
         s1, s2, out = each[0], each[1], list[Array]()
         b, a1, a2 = (one[:, None] for one in (self._b, self._a1, self._a2))
         # Transposed direct form II, with unit vectors as inputs.

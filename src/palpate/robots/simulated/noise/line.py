@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.pose import Array
-from palpate.robots.simulated.noise.model import JOINTS, Acquisition, Streams, Torque
+from palpate.robots.simulated.noise.model import Acquisition, Streams, Torque
 from palpate.robots.simulated.timing import BLOCK, PERIOD, TIMESTEP
 
 TAIL = 2  # degrees of freedom of Student's t distribution, from which outliers are drawn
@@ -39,8 +39,9 @@ class SignalLine:
         # Single samples (n, 7), N m, of each run, before any is lost; None if they are not kept.
         self.kept: tuple[Array, ...] | None = None
         # State between runs; empty at first.
-        self._filtered = self._late = self._last = np.empty((0, JOINTS))
-        self._held = np.zeros(JOINTS)
+        joints = len(torque.white)
+        self._filtered = self._late = self._last = np.empty((0, joints))
+        self._held = np.zeros(joints)
 
     def carry(self, reading: Array) -> tuple[Array, NDArray[np.bool_] | None]:
         """Compute the block means (n, 7), N m, of the readings (n, 7), which may be overwritten.
@@ -66,7 +67,7 @@ class SignalLine:
         samples = self._repeat(samples)
         if self.kept is not None:
             self.kept = (*self.kept, samples)  # a state that may be restored
-        blocks = samples.reshape(-1, BLOCK, JOINTS)
+        blocks = samples.reshape(-1, BLOCK, samples.shape[1])
         if self._gaps is None:
             return blocks.mean(axis=1), None
         # Samples in gaps are left out of the means; a block without any keeps the last mean.
@@ -126,7 +127,7 @@ class SignalLine:
     def _add_outliers(self, samples: Array) -> None:
         expected = self._outliers.rate * samples.size * TIMESTEP
         for _ in range(int(self._odd.poisson(expected))):
-            row, joint = self._odd.integers(len(samples)), self._odd.integers(JOINTS)
+            row, joint = self._odd.integers(len(samples)), self._odd.integers(samples.shape[1])
             samples[row, joint] += self._outliers.size[joint] * self._odd.standard_t(TAIL)
 
     def _repeat(self, samples: Array) -> Array:

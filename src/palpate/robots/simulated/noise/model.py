@@ -1,7 +1,7 @@
 """Noise model: deviations of a real arm from its nominal model. The format of `--noise FILE.yaml`, version 1.
 
 Every key is optional. An absent key means no error; in `datasheet` it means the figure of the arm's
-description. Units are SI. A scalar applies to all seven joints, or to all axes. A size is one standard
+description. Units are SI. A scalar applies to all joints, or to all axes. A size is one standard
 deviation of a centred normal distribution. It is a half width of a uniform distribution if its key ends in
 `_max`, and a plain value if it is a level. A drawn size may be written `{fixed: value}`: the value is then
 the same for every seed. The comment of a key has when it is drawn, its unit and its effect; the documentation's table
@@ -15,13 +15,20 @@ from dataclasses import dataclass
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import AfterValidator, BeforeValidator, Field, PlainValidator
+from pydantic import (
+    AfterValidator,
+    BeforeValidator,
+    Field,
+    PlainValidator,
+    ValidationInfo,
+    model_validator,
+)
 
 from palpate.common.files import Section, plain_number
 from palpate.common.pose import Array
 from palpate.robots.owner import Datasheet
 
-JOINTS = 7
+JOINTS = 7  # of an arm whose model is read without a context; see `with_joints`
 Law = Literal["normal", "uniform", "magnitude", "sign"]
 Shape = tuple[int, ...]
 
@@ -120,11 +127,18 @@ def form_of(shape: Shape) -> str:
     return f"give a number, a list of {shape[0]} numbers, or {shape[0]} lists of {shape[1]}"
 
 
-def sizes(shape: Shape, infinite: bool = False) -> Callable[[Any], Array]:
+def with_joints(shape: Shape, info: ValidationInfo) -> Shape:
+    """Return the shape for the arm's number of joints, which the context `joints` of a validation states."""
+    count = JOINTS if info.context is None else int(info.context["joints"])
+    return tuple(count if size == JOINTS else size for size in shape)
+
+
+def sizes(shape: Shape, infinite: bool = False) -> Callable[[Any, ValidationInfo], Array]:
     """Make a validator of sizes: numbers that are not negative."""
 
-    def read(value: Any) -> Array:
-        array = array_of(value, shape, form_of(shape))
+    def read(value: Any, info: ValidationInfo) -> Array:
+        own = with_joints(shape, info)
+        array = array_of(value, own, form_of(own))
         if (array < 0).any():
             raise ValueError("must not be negative")
         if not infinite and np.isinf(array).any():
@@ -134,32 +148,33 @@ def sizes(shape: Shape, infinite: bool = False) -> Callable[[Any], Array]:
     return read
 
 
-def positive(value: Any) -> Array:
+def positive(value: Any, info: ValidationInfo) -> Array:
     """Validate one positive number a joint; it may be infinite."""
-    array = sizes((JOINTS,), infinite=True)(value)
+    array = sizes((JOINTS,), infinite=True)(value, info)
     if (array == 0).any():
         raise ValueError("must be positive")
     return array
 
 
-def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any], DrawnValue]:
+def drawn(shape: Shape, law: Law = "normal") -> Callable[[Any, ValidationInfo], DrawnValue]:
     """Make a validator of a size, or `{fixed: value}`."""
     size = sizes(shape)
 
-    def read(value: Any) -> DrawnValue:
+    def read(value: Any, info: ValidationInfo) -> DrawnValue:
         if isinstance(value, DrawnValue):
             return value
         if not isinstance(value, dict):
-            return DrawnValue(law, size(value))
+            return DrawnValue(law, size(value, info))
         said = cast("dict[str, Any]", value)
+        own = with_joints(shape, info)
         if set(said) != {"fixed"}:
-            raise ValueError(f"{form_of(shape)}, or {{fixed: VALUE}}")
-        fixed = array_of(said["fixed"], shape, f"fixed: {form_of(shape)}")
+            raise ValueError(f"{form_of(own)}, or {{fixed: VALUE}}")
+        fixed = array_of(said["fixed"], own, f"fixed: {form_of(own)}")
         if np.isinf(fixed).any():
             raise ValueError("fixed: must be finite")
         if law == "magnitude" and (fixed < 0).any():
             raise ValueError("fixed: must not be negative")
-        return DrawnValue(law, size(0.0), fixed)
+        return DrawnValue(law, size(0.0, info), fixed)
 
     return read
 
@@ -169,19 +184,19 @@ def nothing(shape: Shape = (), law: Law = "normal") -> DrawnValue:
     return DrawnValue(law, np.zeros(shape))
 
 
-Seven = (JOINTS,)
+EACH_JOINT = (JOINTS,)
 AXES = (3,)
 NONE = np.zeros(JOINTS)  # level of zero in each joint
 
-Levels = Annotated[np.ndarray, PlainValidator(sizes(Seven))]  # one per joint
-Ranges = Annotated[np.ndarray, PlainValidator(sizes(Seven, infinite=True))]
+Levels = Annotated[np.ndarray, PlainValidator(sizes(EACH_JOINT))]  # one per joint
+Ranges = Annotated[np.ndarray, PlainValidator(sizes(EACH_JOINT, infinite=True))]
 Positives = Annotated[np.ndarray, PlainValidator(positive)]
 
 Number = Annotated[DrawnValue, PlainValidator(drawn(()))]
-Joints = Annotated[DrawnValue, PlainValidator(drawn(Seven))]
-JointsWithin = Annotated[DrawnValue, PlainValidator(drawn(Seven, "uniform"))]
-JointsSigned = Annotated[DrawnValue, PlainValidator(drawn(Seven, "sign"))]
-JointsSoft = Annotated[DrawnValue, PlainValidator(drawn(Seven, "magnitude"))]
+Joints = Annotated[DrawnValue, PlainValidator(drawn(EACH_JOINT))]
+JointsWithin = Annotated[DrawnValue, PlainValidator(drawn(EACH_JOINT, "uniform"))]
+JointsSigned = Annotated[DrawnValue, PlainValidator(drawn(EACH_JOINT, "sign"))]
+JointsSoft = Annotated[DrawnValue, PlainValidator(drawn(EACH_JOINT, "magnitude"))]
 Soft = Annotated[DrawnValue, PlainValidator(drawn((), "magnitude"))]
 JointAxes = Annotated[DrawnValue, PlainValidator(drawn((JOINTS, 3)))]
 Pairs = Annotated[DrawnValue, PlainValidator(drawn((JOINTS, JOINTS)))]
@@ -205,14 +220,36 @@ def _rising(band: tuple[float, float]) -> tuple[float, float]:
 Band = Annotated[tuple[Positive, Positive], AfterValidator(_rising)]
 
 
-class Flicker(Section):
+class NoiseSection(Section):
+    """A section whose defaults have the number of joints of the arm that the model is read for."""
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_defaults(cls, value: Any, info: ValidationInfo) -> Any:
+        """State the defaults, so that validation gives them the arm's number of joints."""
+        if info.context is None or not isinstance(value, dict):
+            return value
+        stated = cast("dict[str, Any]", value)
+        return {name: _scalar(field.default) for name, field in cls.model_fields.items()} | stated
+
+
+def _scalar(default: Any) -> Any:
+    """Return a default as a file would state it: a scalar for all joints, or a section without keys."""
+    if isinstance(default, NoiseSection):
+        return {}
+    if isinstance(default, DrawnValue):
+        default = default.size
+    return float(default.flat[0]) if isinstance(default, np.ndarray) else default
+
+
+class Flicker(NoiseSection):
     """1/f noise: one-sided power spectral density level^2 / f in `band`, flat below, zero above."""
 
     level: Levels = NONE  # run; N m at 1 Hz per sqrt(Hz)
     band: Band = (0.003, 50.0)  # Hz, edges at which half of the density is left
 
 
-class Drift(Section):
+class Drift(NoiseSection):
     """Thermal drift."""
 
     size: Levels = NONE  # run; N m, stationary standard deviation of an Ornstein-Uhlenbeck process
@@ -220,11 +257,11 @@ class Drift(Section):
         300.0  # s; infinite: a random walk that spreads as one of 300 s begins to
     )
     # robot (sign); N m, change that a reading approaches exponentially from the run's start
-    warm_up: JointsSigned = nothing(Seven, "sign")
+    warm_up: JointsSigned = nothing(EACH_JOINT, "sign")
     warm_up_time: Positive = 1800.0  # s
 
 
-class EncoderRipple(Section):
+class EncoderRipple(NoiseSection):
     """Error periodic in a joint's angle."""
 
     size: Levels = NONE  # robot (phase); root mean square of a sine in the joint's angle
@@ -232,7 +269,7 @@ class EncoderRipple(Section):
     cycles: Levels = np.full(JOINTS, 64.0)  # per turn
 
 
-class Resonance(Section):
+class Resonance(NoiseSection):
     """Second-order resonance of a soft control loop, excited by the ripple; unit gain at low frequency."""
 
     frequency: Positives = np.full(JOINTS, np.inf)  # Hz; infinite: none
@@ -246,16 +283,16 @@ class Ripple(EncoderRipple):
     resonance: Resonance = Resonance()
 
 
-class Torque(Section):
+class Torque(NoiseSection):
     """Errors of the joint torque sensors against the true link-side torque."""
 
     white: Levels = NONE  # sample; N m, white noise
     flicker: Flicker = Flicker()
     drift: Drift = Drift()
-    offset: Joints = nothing(Seven)  # run; N m, offset after zeroing
-    gain_max: JointsWithin = nothing(Seven, "uniform")  # robot; relative error of each joint
+    offset: Joints = nothing(EACH_JOINT)  # run; N m, offset after zeroing
+    gain_max: JointsWithin = nothing(EACH_JOINT, "uniform")  # robot; relative error of each joint
     nonlinearity_max: JointsWithin = nothing(
-        Seven, "uniform"
+        EACH_JOINT, "uniform"
     )  # robot; quadratic, share of the range
     # loops as wide as this share of the swing since the last reversal, within a factor 1.4
     # (Prandtl-Ishlinskii model)
@@ -268,7 +305,7 @@ class Torque(Section):
     filter: Level = 0.0  # Hz, first-order low pass; 0: none
 
 
-class FrictionNoise(Section):
+class FrictionNoise(NoiseSection):
     """Joint friction by Dahl's law behind the torque sensor, seen by the wrench; it does not slow the arm."""
 
     coulomb: Levels = NONE  # N m, level of each joint
@@ -277,17 +314,17 @@ class FrictionNoise(Section):
     viscous: Levels = NONE  # N m s/rad
     presliding: Positives = np.full(JOINTS, 2e-3)  # rad: one distance, or one a joint
     load: Levels = NONE  # N m per N m, share of the joint's torque
-    spread: Joints = nothing(Seven)  # robot; relative scatter of `coulomb`
+    spread: Joints = nothing(EACH_JOINT)  # robot; relative scatter of `coulomb`
     # relative change with the joint's angle, root mean square; the phase is drawn for the robot
     position: Levels = NONE
     compensated: Share = 0.0  # share that a driver compensates
 
 
-class Sticking(Section):
+class Sticking(NoiseSection):
     """Torque that remains in the joints after the arm comes to rest."""
 
     force: Vector = nothing(AXES)  # rest; N per axis at the TCP
-    torque: Joints = nothing(Seven)  # rest; N m per joint
+    torque: Joints = nothing(EACH_JOINT)  # rest; N m per joint
     settling: Positive = 0.08  # s in which they build up
     # rad, norm over the joints: motion that shakes them off; infinite: they persist until the next rest
     release: Lasting = 1.5e-3
@@ -295,10 +332,10 @@ class Sticking(Section):
     memory: Share = 0.0  # share in common with the last rest; the size stays the same
 
 
-class ModelErrors(Section):
+class ModelErrors(NoiseSection):
     """Errors of the nominal inertial and kinematic model, drawn for the robot."""
 
-    link_mass: Joints = nothing(Seven)  # relative, of the seven moving links
+    link_mass: Joints = nothing(EACH_JOINT)  # relative, of the moving links
     link_com: JointAxes = nothing((JOINTS, 3))  # m
     hand_mass: Number = nothing()  # kg
     hand_com: Vector = nothing(AXES)  # m
@@ -309,10 +346,10 @@ class ModelErrors(Section):
     base_position: Vector = nothing(AXES)  # m, base against scene frame, in the base's axes
     base_yaw: Number = nothing()  # rad
     gravity: Number = nothing()  # m/s^2, true less assumed
-    joint_offset: Joints = nothing(Seven)  # rad, zeros of the encoders
-    link_length: Joints = nothing(Seven)  # m, along each link
+    joint_offset: Joints = nothing(EACH_JOINT)  # rad, zeros of the encoders
+    link_length: Joints = nothing(EACH_JOINT)  # m, along each link
     # rad per N m, behind the encoders; the magnitude is drawn
-    joint_compliance: JointsSoft = nothing(Seven, "magnitude")
+    joint_compliance: JointsSoft = nothing(EACH_JOINT, "magnitude")
     tip_offset: Number = nothing()  # m, true end of the pads along the tool
     tip_lateral: Plane = nothing((2,))  # m, across the tool
     pad_compliance: Soft = nothing(
@@ -321,7 +358,7 @@ class ModelErrors(Section):
     finger_width: Number = nothing()  # m, offset of the reported opening
 
 
-class PoseErrors(Section):
+class PoseErrors(NoiseSection):
     """Errors of the encoders."""
 
     repeatability: Vector = nothing(AXES)  # rest; m per axis, reported against true TCP
@@ -332,21 +369,21 @@ class PoseErrors(Section):
     thermal: Level = 0.0  # run; m per axis, with the time constant of the torque drift
 
 
-class OutlierNoise(Section):
+class OutlierNoise(NoiseSection):
     """Single samples with errors of Student's t with 2 degrees of freedom."""
 
     rate: Level = 0.0  # per s and joint
     size: Levels = NONE  # N m
 
 
-class Dropped(Section):
+class Dropped(NoiseSection):
     """Gaps in the 1 kHz samples; a logged sample is the mean of those of its five that arrive."""
 
     rate: Level = 0.0  # per s
     length: Positive = 0.005  # s
 
 
-class Acquisition(Section):
+class Acquisition(NoiseSection):
     """Errors of the data acquisition. The arm's reflex does not see them."""
 
     outliers: OutlierNoise = OutlierNoise()
@@ -358,7 +395,7 @@ class Acquisition(Section):
     clock: Number = nothing()  # robot; relative rate error of the robot's clock
 
 
-class WristErrors(Section):
+class WristErrors(NoiseSection):
     """Errors of a six-axis sensor at the wrist, as factors on the figures of its data sheet."""
 
     white: Level = 0.0  # sample; factor on `wrench_sensor.white`
@@ -369,20 +406,20 @@ class WristErrors(Section):
     mounting: Level = 0.0  # robot; factor on `wrench_sensor.mounting`
 
 
-class Vibration(Section):
+class Vibration(NoiseSection):
     """Vertical vibration of the base, which changes the weight of arm and load."""
 
     acceleration: Level = 0.0  # run (phase); m/s^2, root mean square
     frequency: Positive = 25.0  # Hz
 
 
-class Environment(Section):
+class Environment(NoiseSection):
     """Disturbances from the arm's surroundings."""
 
     vibration: Vibration = Vibration()
 
 
-class NoiseModel(Section):
+class NoiseModel(NoiseSection):
     """Deviations of a real arm from its nominal model, and the accuracy stated to its owner.
 
     `extends` is None once a file is read, as it is then resolved.

@@ -20,6 +20,7 @@ from palpate.robots.simulated.noise.model import NoiseModel
 
 GROUP = "palpate.noise"
 MAX_BYTES = 100_000  # largest noise model
+FR3_JOINTS, UPPER_ARM = 7, 2  # joints, and the index of the one that arms with six joints lack
 MOST_BASES = 8  # longest chain of files that extend each other
 
 Content = dict[str, Any]
@@ -41,9 +42,16 @@ class NoiseModels(Registry[NoiseModel]):
         Raises:
             InputError: unknown (the message lists the names), or the file is no valid model.
         """
-        if name_or_path in self:
-            return self[name_or_path]
         arm = arm or load_description()
+        count = len(arm.joints)
+        if name_or_path in self:
+            model = self[name_or_path]
+            if len(model.torque.white) != count:
+                raise InputError(
+                    f"the noise model '{name_or_path}' is for {len(model.torque.white)} joints, and "
+                    f"'{arm.name}' has {count}; give one of {', '.join(LEVELS)}, or a FILE.yaml"
+                )
+            return model
         if name_or_path in LEVELS:
             content = own_content(name_or_path, arm)
         elif means_file(name_or_path):
@@ -51,7 +59,7 @@ class NoiseModels(Registry[NoiseModel]):
         else:
             raise unknown_name("noise", name_or_path, self.names, "Or give a file: FILE.yaml")
         try:
-            return NoiseModel.model_validate(content)
+            return NoiseModel.model_validate(content, context={"joints": count})
         except ValidationError as error:
             raise InputError(f"{name_or_path}: {describe_error(error, NoiseModel)}") from None
 
@@ -109,7 +117,12 @@ def _read(path: Path, version: int) -> Content:
 
 
 def scale(content: Content, arm: RobotDescription) -> None:
-    """Scale figures of an FR3 in place by the ratio of an arm's stated figures to the FR3's."""
+    """Scale figures of an FR3 in place by the ratio of an arm's stated figures to the FR3's.
+
+    An arm with six joints takes the figures of the FR3's joints but the turn of its upper arm.
+    """
+    if len(arm.joints) < FR3_JOINTS:
+        omit_joint(content)
     mine, theirs = stated_figures(load_description()), stated_figures(arm)
     for place, figure in mine.items():
         *sections, key = place.split(".")
@@ -117,8 +130,20 @@ def scale(content: Content, arm: RobotDescription) -> None:
         for name in sections:
             section = section.get(name, {})
         if key in section:
-            larger = np.array(section[key], dtype=float) * (theirs[place] / figure)
+            own = (
+                np.delete(figure, UPPER_ARM) if np.size(figure) > np.size(theirs[place]) else figure
+            )
+            larger = np.array(section[key], dtype=float) * (theirs[place] / own)
             section[key] = larger.tolist()
+
+
+def omit_joint(content: Content) -> None:
+    """Remove the figure of the FR3's upper arm from the lists of a section and of those in it, in place."""
+    for key, value in content.items():
+        if isinstance(value, dict):
+            omit_joint(cast("Content", value))
+        elif isinstance(value, list) and len(each := cast("list[Any]", value)) == FR3_JOINTS:
+            content[key] = [*each[:UPPER_ARM], *each[UPPER_ARM + 1 :]]
 
 
 def stated_figures(arm: RobotDescription) -> dict[str, Any]:

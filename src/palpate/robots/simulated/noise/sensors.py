@@ -22,7 +22,6 @@ from palpate.robots.simulated.noise.disturbances import (
 )
 from palpate.robots.simulated.noise.line import SignalLine
 from palpate.robots.simulated.noise.model import (
-    JOINTS,
     DrawnValue,
     Flicker,
     NoiseModel,
@@ -45,7 +44,7 @@ PER_DECADE = 3  # relaxations per decade of 1/f noise: their sum is within 3 % o
 
 
 class Gauges:
-    """Seven sensors with their robot's own gains, cross-talk, curvature, hysteresis and ripple."""
+    """The joints' torque sensors with their robot's own gains, cross-talk, curvature, hysteresis and ripple."""
 
     def __init__(self, torque: Torque, tau_max: Array, streams: Streams) -> None:
         # Sensitivity matrix: gains on its diagonal, cross-talk off it.
@@ -123,7 +122,7 @@ class Relaxation:
 
 
 class FlickerNoise:
-    """1/f noise of seven joints as a sum of relaxations whose corners are spaced evenly on a log axis.
+    """1/f noise of the joints as a sum of relaxations whose corners are spaced evenly on a log axis.
 
     A relaxation of variance v and corner f_k has the one-sided power spectral density
     (2 v / pi f_k) / (1 + (f / f_k)^2). Corners spaced by a factor r sum to v / (f ln r) between the lowest
@@ -140,12 +139,15 @@ class FlickerNoise:
         # Discretise each relaxation at the log period: decay factor and standard deviation of its input.
         keep = np.exp(-2 * np.pi * corners * period)[:, None]
         self._kick = np.sqrt(1 - keep**2) * size
-        self._random, self._parts = random, size * random.standard_normal((count, JOINTS))
+        self._random, self._parts = (
+            random,
+            size * random.standard_normal((count, len(flicker.level))),
+        )
         # Response of each relaxation to each input of the rows ahead, and the decay of its present value.
         ages = np.subtract.outer(np.arange(AHEAD), np.arange(AHEAD))
         self._response = np.tril(keep[:, None] ** np.maximum(ages, 0))
         self._fade = keep[:, None] ** np.arange(1.0, AHEAD + 1)[:, None]
-        self._ahead: Array = np.empty((0, JOINTS))
+        self._ahead: Array = np.empty((0, len(flicker.level)))
 
     def after(self, periods: int) -> Array:
         """Advance by some log periods and return the noise (periods, 7), N m."""
@@ -173,7 +175,7 @@ class Wander:
         self._drift = self._warm_up = self._flicker = None
         if drift.size.any():
             random = streams.run("torque.drift")
-            self._drift = Relaxation(drift.size, drift.time_constant, random, JOINTS)
+            self._drift = Relaxation(drift.size, drift.time_constant, random, len(drift.size))
         if drift.warm_up.any:
             self._warm_up = drift.warm_up.draw(streams("torque.drift.warm_up"))
         if torque.flicker.level.any():
@@ -182,7 +184,7 @@ class Wander:
     @property
     def now(self) -> Array:
         """Drift (7,), N m, now."""
-        return np.zeros(JOINTS) if self._drift is None else self._drift.value
+        return np.zeros_like(self.left) if self._drift is None else self._drift.value
 
     def add(self, reading: Array) -> None:
         """Add the noise to the readings (n, 7), N m, of n log periods."""
@@ -259,7 +261,7 @@ class Encoders:
         """
         if self._pressed < NOTHING and force.max() <= 0.0:
             self._pressed = 0.0
-            return np.zeros((len(force), JOINTS))
+            return np.zeros((len(force), jacobian.shape[1]))
         # Low-pass the force: the pads deform with the time constant PAD_TIME.
         for i, pressing in enumerate(np.maximum(force, 0.0).tolist()):
             self._pressed += (pressing - self._pressed) * YIELDS
@@ -273,7 +275,11 @@ class Encoders:
         """Draw the noise (periods, 7), rad, of block means; None without any."""
         if not self._noisy:
             return None
-        return self._noise / math.sqrt(BLOCK) * self._random.standard_normal((periods, JOINTS))
+        return (
+            self._noise
+            / math.sqrt(BLOCK)
+            * self._random.standard_normal((periods, len(self._noise)))
+        )
 
     def quantise_angles(self, q: Array) -> Array:
         """Round angles (n, 7), rad, to whole steps."""
@@ -310,7 +316,7 @@ class Sensors:
         self.line = SignalLine(torque, noise.acquisition, streams)
         self._white, self._looks = torque.white, streams.run("torque.white.looks")
         self._noisy = bool(torque.white.any())
-        self._zero = np.zeros(JOINTS)
+        self._zero = np.zeros_like(tau_max)
 
     def zero(self, torque: Array, nominal: Array, start: LoggedMotion) -> None:
         """Zero the sensors at rest: at the true `torque` (7,) they show the `nominal` one (7,), except for the zeroing
@@ -343,9 +349,8 @@ class Sensors:
 
     def looks(self, count: int) -> Array:
         """Draw the white noise (count, 7), N m, of single 1 kHz samples."""
-        if not self._noisy:
-            return np.zeros((count, JOINTS))
-        return self._white * self._looks.standard_normal((count, JOINTS))
+        shape = (count, len(self._white))
+        return self._white * self._looks.standard_normal(shape) if self._noisy else np.zeros(shape)
 
 
 # Six-axis force/torque sensor at the wrist.
@@ -377,10 +382,15 @@ class WristSensor:
         self._range = sheet.range
         # Noise of a block's mean, and a zero that drifts.
         self._white = errors.white * sheet.white / np.sqrt(BLOCK)
-        self._random = streams.run("sensor.white")
+        self._random, self._resting = streams.run("sensor.white"), streams.run("sensor.white.rest")
         self._zero = draw("offset", errors.offset, (WRENCH,)) * sheet.drift
         drift = errors.drift * sheet.drift
         self._drift = Relaxation(drift, sheet.drift_time, streams.run("sensor.drift"), WRENCH)
+
+    def rest(self, wrench: Array, duration: float) -> Array:
+        """Measure the wrench (6,) of a rest at the start: the mean over `duration` s."""
+        noise = self._white * math.sqrt(PERIOD / duration) * self._resting.standard_normal(WRENCH)
+        return self._matrix @ wrench + self._zero + self._drift.value + noise
 
     def read(self, wrench: Array) -> Array:
         """Measure wrenches (n, 6), N and N m, that the arm exerts below the sensor, in its axes."""
