@@ -30,9 +30,10 @@ def test_the_figures_are_those_of_folder_and_mjcf() -> None:
 
 def test_an_unknown_arm_lists_the_valid_names() -> None:
     with pytest.raises(
-        InputError, match=r"unknown arm 'ur5'; valid: fr3, fr3-ft, iiwa14, panda\. Or give a folder"
+        InputError,
+        match=r"unknown arm 'abb'; valid: fr3, fr3-ft, iiwa14, panda, ur5e\. Or give a folder",
     ):
-        load_description("ur5")
+        load_description("abb")
 
 
 def test_the_arm_decides_home() -> None:
@@ -68,10 +69,10 @@ def test_an_arm_of_ones_own_is_a_folder(tmp_path: Path) -> None:
             ("  opening: 0.1", "  opening: 0.1\n  colour: red"),
             "unknown key 'hand.colour'; valid: body, boxes",
         ),
-        (("velocity: [2, 2,", "velocity: [2,"), "'velocity': give a list of 7 numbers"),
+        (("velocity: [2, 2,", "velocity: [2,"), "'velocity': give a list of 7 numbers, .* not 6"),
         (
             ("like: fr3", "like: fr4"),
-            "unknown arm 'fr4'; did you mean 'fr3'\\? valid: fr3, fr3-ft, iiwa14, panda",
+            "unknown arm 'fr4'; did you mean 'fr3'\\? valid: fr3, fr3-ft, iiwa14, panda, ur5e",
         ),
         (("j6, j7]", "j6, wrist]"), "unknown joint 'wrist'; valid: j1, j2"),
         (("body: gripper", "body: claw"), "unknown body 'claw'"),
@@ -91,11 +92,9 @@ def test_an_invalid_description_is_refused_with_file_and_key(
     assert str(folder) in str(error.value)
 
 
-def test_a_six_axis_arm_is_refused_as_out_of_scope(tmp_path: Path) -> None:
+def test_a_six_axis_arm_without_a_sensor_is_refused(tmp_path: Path) -> None:
     sheet = SHEET.replace("j6, j7]", "j6]")
-    with pytest.raises(
-        InputError, match=r"names 6; the arm must have 7 axes.*Six-axis arms are out"
-    ):
+    with pytest.raises(InputError, match=r"names 6; give an arm with 7 joints, or one with 6 and"):
         load_description(str(write_arm(tmp_path / "six", sheet, links=6)))
 
 
@@ -125,7 +124,7 @@ def test_a_package_brings_an_arm_by_its_entry_point(
     monkeypatch.delitem(sys.modules, "their_arm", raising=False)
     arms.cache_clear()
     try:
-        assert list(arms()) == ["fr3", "fr3-ft", "iiwa14", "panda", "their_arm"]
+        assert list(arms()) == ["fr3", "fr3-ft", "iiwa14", "panda", "their_arm", "ur5e"]
         assert load_description("their_arm").limits.payload == 2.0
     finally:
         arms.cache_clear()

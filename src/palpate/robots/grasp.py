@@ -27,7 +27,7 @@ from palpate.common.pose import Array, Pose
 from palpate.robots.description import RobotDescription
 
 SPARE = 0.004  # m of the opening that are reserved for errors of the pose
-GROUND = 0.005  # m of clearance of the fingertips above the support
+GROUND = 0.005  # m of clearance of the fingertips above the support and above neighbours
 HEADROOM = 0.005  # m of clearance between the palm and the top of the object
 SHALLOW = 0.02  # m of the TCP below the top, where the hand has no room for a deeper grasp
 # Largest slope (tangent) of a grasped side against the pads; an object with a steeper side slides
@@ -181,7 +181,7 @@ class _Scene:
     def _has_obstacle(self, centre: Array, across: Array, height: float) -> bool:
         """Test if the opened fingers, or the palm above them, would overlap a neighbour."""
         hand = self._arm.hand
-        nearby = above(self._obstacles, height - self._arm.tip)
+        nearby = above(self._obstacles, height - self._arm.tip - GROUND)
         tall = above(self._obstacles, height + hand.palm)
         reach = hand.opening / 2 + hand.finger / 2
         finger = rectangle(np.zeros(2), across, hand.finger / 2, hand.pad)
