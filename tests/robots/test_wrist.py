@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
+import palpate as pp
 from palpate.common.errors import InputError
 from palpate.common.pose import Pose
 from palpate.robots.description import RobotDescription
@@ -176,3 +177,10 @@ def test_a_list_of_another_arm_is_refused(tmp_path: Path) -> None:
     )
     with pytest.raises(InputError, match=r"'sensors.torque_noise': .* not 7; 'like' took it over"):
         load_description(folder)
+
+
+def test_joint_torques_of_six_joints_are_not_read() -> None:
+    with pytest.raises(InputError, match=r"'ur5e' has 6 joints.*wrench and the pose of its sensor"):
+        pp.dynamics("none.csv", "ur5e")
+    with pytest.raises(InputError, match="'ur5e' has 6 joints"):
+        pp.noise("none.csv", "ur5e")

@@ -15,7 +15,7 @@ from palpate.common.errors import InputError, unknown_name
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Pose
 from palpate.estimation.carried import HAND
-from palpate.estimation.logs.reading import read_recording
+from palpate.estimation.logs.reading import read_recording, require_joint_torques
 from palpate.estimation.logs.trace import Carrying, trace_of, trace_of_wrench
 from palpate.estimation.logs.wrench_log import WrenchLog
 from palpate.estimation.quantities.estimators import estimate_all
@@ -73,6 +73,7 @@ def estimate_recording(
     logs = [read_recording(one, columns, arm) for one in (file, empty) if one]
     for log in logs:
         if isinstance(log, ArmLog):
+            require_joint_torques(arm)
             require_within_limits(log, arm)
     # Centre of mass and inertia need the object's pose in the hand, or no scene.
     quantities = ["mass"]

@@ -150,10 +150,12 @@ def dynamics(
         InputError: a file that cannot be read, no such arm, too short a recording, or no joint
             moves.
     """
-    from palpate.estimation.logs.reading import log_of
+    from palpate.estimation.logs.reading import log_of, require_joint_torques
 
+    described = load_description(str(arm))
+    require_joint_torques(described)
     log = log_of(log, columns)
-    found = identify(log, load_description(str(arm)), hand)
+    found = identify(log, described, hand)
     return ArmDynamics(**contents_of(found, InnerDynamics))
 
 
@@ -229,10 +231,11 @@ def noise(
     Raises:
         InputError: a file that cannot be read, no such arm, or too short a recording.
     """
-    from palpate.estimation.logs.reading import log_of
+    from palpate.estimation.logs.reading import log_of, require_joint_torques
 
-    log = log_of(log, columns)
     described = load_description(str(arm))
+    require_joint_torques(described)
+    log = log_of(log, columns)
     found = statistics(log, described)
     return ArmNoise(log.source, float(log.t[-1] - log.t[0]), found, described, log.notes)
 

@@ -449,13 +449,13 @@ def mapped_columns(
     return run
 
 
-def find_joints(flat: Table, columns: ColumnMap) -> list[LogColumn]:
-    """Find the columns of the joint angles of one arm; empty without seven."""
+def find_joints(flat: Table, columns: ColumnMap, count: int = JOINTS) -> list[LogColumn]:
+    """Find the columns of the joint angles of one arm with `count` joints; empty without them."""
     stated = _read_column(flat, columns).get("q")
     families = [f for arm in _families(flat).get("q", {}).values() for f in arm.values()]
     runs = [stated] if stated else [_run(family, columns) for family in families]
-    seven = [run for run in runs if len(run) == JOINTS]
-    return seven[0] if seven else []
+    whole = [run for run in runs if len(run) == count]
+    return whole[0] if whole else []
 
 
 def find_clock(flat: Table) -> str | None:

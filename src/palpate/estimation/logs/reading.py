@@ -15,6 +15,7 @@ from palpate.common.errors import InputError
 from palpate.common.files import open_with_limit, path_of, read_text
 from palpate.estimation.logs.columns import (
     ANGLES,
+    JOINTS,
     UNITS,
     ColumnMap,
     Table,
@@ -86,6 +87,20 @@ def read_recording(
     if is_arm and has_wrench(tables):
         notes.append("its wrench is not read: state it in a file with 'wrench: NAME' to use it")
     return _arm_log(path, mapped, tables, notes)
+
+
+def require_joint_torques(arm: RobotDescription) -> None:
+    """Require an arm whose recordings of joint torques can be read.
+
+    Raises:
+        InputError: another number of joints than seven.
+    """
+    if len(arm.joints) != JOINTS:
+        raise InputError(
+            f"the arm '{arm.name}' has {len(arm.joints)} joints, and joint torques are read of arms with "
+            f"{JOINTS}: give a recording with the wrench and the pose of its sensor, or the arm that "
+            "made this one"
+        )
 
 
 def _is_bag(path: Path) -> bool:

@@ -262,7 +262,7 @@ def _poses_of_joints(
 ) -> Iterator[VectorColumns]:
     """Yield the poses of an arm's TCP by its joint angles."""
     for place, table in enumerate(flat):
-        run = find_joints(table, columns)
+        run = find_joints(table, columns, len(arm.joints))
         if run:
             q = np.column_stack([one.values for one in run])
             scale = columns.angles or unit_in(run[0].name, ANGLES) or "rad"
