@@ -178,6 +178,27 @@ def variety(
 
 
 @command(app)
+def arms(
+    names: Names = None,
+    *,
+    arm: Annotated[list[str] | None, typer.Option("--arm", help="Name; may be repeated.")] = None,
+    noise: NoiseLevel = "measured",
+    seed: Seed = 0,
+    seeds: Seeds = 1,
+    out: Annotated[
+        Path | None, typer.Option("--out", help="File of rows of runs; resumed. Without: plans.")
+    ] = None,
+    as_json: AsJson = False,
+) -> None:
+    """Requests on several arms: one tree for all, and the values with their deviations."""
+    from bench.arms import ARMS, REQUESTS, compare
+    from bench.show import show_arms
+
+    seeded = range(seed, seed + seeds)
+    show_arms(compare(names or REQUESTS, arm or ARMS, noise, seeded, out), as_json)
+
+
+@command(app)
 def fixtures(
     names: Names = None,
     *,

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import asdict
 
 from rich.markup import escape
 from rich.text import Text
 
 from bench import mishaps
+from bench.arms import ArmRow
 from bench.bounds.efficiency import OverBound
 from bench.campaign import ledger
 from bench.campaign.page import counts
@@ -82,6 +83,30 @@ def show_fixtures(rows: Sequence[Group], as_json: bool) -> None:
         figures = [f"{row.z:.2f}", f"{100.0 * row.width:.1f} %", f"{row.peak:.0f}"]
         cells.append([row.scenario, row.noise, row.quantity, *counts, *figures])
     print_rows(FIXTURES, cells)
+
+
+ARMS = (
+    TableColumn("request"),
+    TableColumn("arm"),
+    TableColumn("tree"),
+    TableColumn("ended"),
+    TableColumn("values ± std, error in std", words=True),
+)
+
+
+def show_arms(rows: Iterable[ArmRow], as_json: bool) -> None:
+    """Trees and values of requests, by arm."""
+    if as_json:
+        print_json({"rows": [asdict(row) for row in rows]})
+        return
+    cells: list[list[str]] = []
+    for row in rows:
+        values = [
+            f"{name} {value:.4g} ± {std:.2g} ({(value - truth) / std:+.1f})"
+            for name, value, std, truth in row.values
+        ]
+        cells.append([row.request, row.arm, row.tree, row.status, "; ".join(values)])
+    print_rows(ARMS, cells)
 
 
 PEERS = (

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import mujoco
 import numpy as np
 
@@ -23,21 +25,22 @@ class HandLoad:
         mujoco.mj_comPos(model, data)
         # Mass, centre and inertia of the hand and its fingers, about the centre, in the tool frame.
         tool, hand = tool_pose(model, data, arm.hand), model.body(arm.hand.body).id
+        whole: Any = data.body(hand)
+        centre = np.asarray(whole.subtree_com, dtype=np.float64)
+        self._mass = float(model.body_subtreemass[hand])
+        self._centre: Array = tool.rotation.T @ (centre - tool.position)
+        self._inertia: Array = np.zeros((3, 3))
         parts = [hand]
         for i in range(hand + 1, model.nbody):  # bodies follow their parents
             if model.body_parentid[i] in parts:
                 parts.append(i)
-        centre = np.asarray(data.subtree_com[hand], dtype=np.float64)
-        self._mass = float(model.body_subtreemass[hand])
-        self._centre: Array = tool.rotation.T @ (centre - tool.position)
-        inertia = np.zeros((3, 3))
         for i in parts:
-            turn = tool.rotation.T @ data.ximat[i].reshape(3, 3)
-            x, y, z = tool.rotation.T @ (data.xipos[i] - centre)
+            part: Any = data.body(i)
+            turn = tool.rotation.T @ np.asarray(part.ximat, dtype=np.float64).reshape(3, 3)
+            x, y, z = (tool.rotation.T @ (data.xipos[i] - centre)).tolist()
             cross = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-            inertia += (turn * model.body_inertia[i]) @ turn.T
-            inertia += model.body_mass[i] * cross.T @ cross
-        self._inertia: Array = inertia
+            self._inertia += (turn * model.body_inertia[i]) @ turn.T
+            self._inertia += float(model.body_mass[i]) * cross.T @ cross
         # Rotation and place of the sensor in the tool frame, and gravity.
         sensor = Pose(*np.split(np.array(arm.nominal.wrench_sensor.pose_tcp_sensor), [3]))
         self._turn, self._lever, self._gravity = sensor.rotation, sensor.position, gravity

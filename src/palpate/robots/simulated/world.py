@@ -7,7 +7,7 @@ signals. Truth and pictures serve outside observers, after the estimates are mad
 from __future__ import annotations
 
 from collections.abc import Iterable
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
 import mujoco
 import numpy as np
@@ -324,9 +324,10 @@ class World:
     def true_hand_weight(self) -> Array:
         """Compute the wrench (6,) of a six-axis sensor now, at rest and with an empty hand, in its axes."""
         model, data = self.model, self.data()
-        site = data.site(PREFIX + SENSOR)
-        weight = -model.body_subtreemass[self._hand] * model.opt.gravity
-        moment = np.cross(data.subtree_com[self._hand] - site.xpos, weight)
+        site, hand = data.site(PREFIX + SENSOR), cast("Any", data.body(self._hand))
+        weight: Array = -float(model.body_subtreemass[self._hand]) * model.opt.gravity
+        lever: Array = np.asarray(hand.subtree_com, dtype=np.float64) - site.xpos
+        moment: Array = np.cross(lever, weight)
         into = site.xmat.reshape(3, 3).T
         return np.concatenate([into @ weight, into @ moment])
 

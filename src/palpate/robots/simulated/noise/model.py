@@ -239,7 +239,9 @@ def _scalar(default: Any) -> Any:
         return {}
     if isinstance(default, DrawnValue):
         default = default.size
-    return float(default.flat[0]) if isinstance(default, np.ndarray) else default
+    return (
+        float(np.ravel(cast("Array", default))[0]) if isinstance(default, np.ndarray) else default
+    )
 
 
 class Flicker(NoiseSection):
