@@ -35,13 +35,13 @@ from palpate.common.pose import Array
 from palpate.robots.sheet import (
     AS_LIST,
     ControllerStiffness,
-    Joints,
     Name,
     OwnReflex,
     Pair,
     Vector,
     Workspace,
     finite_array,
+    joint_numbers,
 )
 
 MAX_BYTES = 100_000  # largest robot.yaml
@@ -55,14 +55,20 @@ Deviation = Annotated[float, _Plain, Field(ge=0, allow_inf_nan=False)]
 
 def require_covariance(value: Any) -> Array:
     """Validate a covariance (n, n) of n joints."""
-    message = "give as many lists of numbers as joints, each with one number a joint, that are a covariance"
-    count = len(cast("list[Any]", value)) if isinstance(value, list | np.ndarray) else 0
+    message = "give 7 lists of 7 numbers, or 6 lists of 6, that are a covariance"
+    count = 6 if isinstance(value, list | np.ndarray) and len(cast("list[Any]", value)) == 6 else 7
     array = finite_array(value, (count, count), message)
-    if not count:
-        raise ValueError(message)
     small = ASKEW * float(np.abs(array).max())
     if not np.allclose(array, array.T, atol=small) or np.linalg.eigvalsh(array)[0] < -small:
         raise ValueError(message)
+    return array
+
+
+def require_gains(value: Any) -> Array:
+    """Validate one number a joint."""
+    array = joint_numbers(value)
+    if len(array) not in (6, 7):
+        raise ValueError("give a list of 7 numbers, or of 6, one a joint")
     return array
 
 
@@ -75,6 +81,7 @@ def require_quaternion(value: Any) -> Array:
     return array
 
 
+Gains = Annotated[np.ndarray, PlainValidator(require_gains), AS_LIST]
 JointCovariance = Annotated[np.ndarray, PlainValidator(require_covariance), AS_LIST]
 
 
@@ -105,8 +112,8 @@ class SensorGains(MeasuredFigure):
     predicate. The remaining error replaces the datasheet's in the intervals.
     """
 
-    value: Joints  # a reading is 1 + `value` times the torque
-    std: Joints | None = None  # of joints measured separately
+    value: Gains  # a reading is 1 + `value` times the torque
+    std: Gains | None = None  # of joints measured separately
     # instead of `std`, of joints measured together, which is more informative: a list a joint, of a number a joint
     covariance: JointCovariance | None = None
 
