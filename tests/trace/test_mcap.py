@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import io
 import tracemalloc
 from dataclasses import fields, replace
 from pathlib import Path
@@ -17,7 +18,7 @@ from hypothesis import strategies as st
 from mcap.data_stream import RecordBuilder
 from mcap.reader import make_reader
 from mcap.records import Chunk
-from mcap.stream_reader import CRCValidationError
+from mcap.stream_reader import CRCValidationError, StreamReader
 from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 
@@ -319,3 +320,28 @@ def test_a_stream_without_its_first_record_is_refused(tmp_path: Path, trace: Tra
     path.write_bytes(path.read_bytes()[:40])
     with pytest.raises(InputError, match="not a trace"):
         read_mcap(path)
+
+
+def test_the_index_finds_every_message(trace: Trace, tmp_path: Path) -> None:
+    path = tmp_path / "trace.mcap"
+    write_mcap(path, trace)
+    content, found = path.read_bytes(), 0
+    with path.open("rb") as file:
+        summary = make_reader(file, validate_crcs=True).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    for chunk in summary.chunk_indexes:
+        packed = first_record(content[chunk.chunk_start_offset :])
+        data = zstandard.decompress(packed.data, chunk.uncompressed_size)
+        # Each entry of a channel's index has the time and the offset of a message in the chunk.
+        for channel, start in chunk.message_index_offsets.items():
+            for time, offset in first_record(content[start:]).records:
+                message = first_record(data[offset:])
+                assert (message.channel_id, message.log_time) == (channel, time)
+                found += 1
+    assert found == summary.statistics.message_count > 9 * len(trace.samples)
+
+
+def first_record(content: bytes) -> Any:
+    stream = io.BytesIO(content)
+    return next(iter(StreamReader(stream, skip_magic=True, emit_chunks=True).records))
