@@ -221,17 +221,17 @@ class Beside(Generic[T]):
             self._receive()
         return self._results[0] if self._results else None
 
-    def result(self) -> T:
-        """Wait for the result."""
-        if not self._results:
+    def result(self, patience: float | None = None) -> T:
+        """Wait for the result; a copy that needs more than `patience`, s, has failed."""
+        if not self._results and self._receiver is not None and self._receiver.poll(patience):
             self._receive()
         return self._results[0] if self._results else self._work()
 
     def _receive(self) -> None:
         # A failed copy sends nothing: `result()` raises its error again in this process.
-        if self._receiver is not None:
-            with suppress(EOFError, OSError):
-                self._results.append(self._receiver.recv())
+        assert self._receiver is not None
+        with suppress(EOFError, OSError):
+            self._results.append(self._receiver.recv())
 
     def close(self) -> None:
         """End the copy."""

@@ -23,6 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.pose import Array
+from palpate.estimation.evidence import once
 from palpate.estimation.regression import Cause, SignalNoise
 
 COLOUR_TIMES = (0.03, 0.3, 1.0, 4.0, 30.0)
@@ -45,7 +46,7 @@ DIFFUSE = 30.0
 """N, N m (1 sigma): largest prior of an unknown while the size of the residual is learned. Not sensitive."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, slots=True, eq=False, weakref_slot=True)
 class Spans:
     """Stretches of motion that k rows average."""
 
@@ -86,17 +87,24 @@ class Spans:
             np.concatenate(angles) if len(angles) == len(parts) else None,
         )
 
+    @once
     def kernels(self, joint: int) -> Array:
         """Compute the covariances (c, k, k) of the processes in a joint, at unit variance of a single moment."""
         # Processes over time, then over the path of the joint, then over its angle.
-        apart = np.abs(self.t[:, None] - self.t)
-        found = [_kernel(apart, self.lasts, time) for time in COLOUR_TIMES]
+        found = [*_time_kernels(self)]
         apart = np.abs(self.path[:, None, joint] - self.path[:, joint])
         found += [_kernel(apart, self.turns[:, joint], far) for far in COLOUR_PATHS]
         if self.angle is not None:
             apart = np.abs(self.angle[:, None, joint] - self.angle[:, joint])
             found += [_kernel(apart, self.turns[:, joint], far) for far in COLOUR_PLACES]
         return np.array(found)
+
+
+@once
+def _time_kernels(spans: Spans) -> Array:
+    """Compute the covariances (c, k, k) of the processes over time, which all joints share."""
+    apart = np.abs(spans.t[:, None] - spans.t)
+    return np.array([_kernel(apart, spans.lasts, time) for time in COLOUR_TIMES])
 
 
 def _kernel(apart: Array, within: Array, length: float) -> Array:
@@ -187,7 +195,7 @@ def _likeliest(known: Array, rows: Array, kernels: Array) -> tuple[Array, float]
         Variances (c,), weighted by the likelihood ratio.
         Degrees of freedom of their size.
     """
-    before, _ = _inverse(known, rows)
+    before, _ = _likelihood(known, rows)
     variances = np.full(len(kernels), COLOUR_START**2)
     more = _mix_kernels(variances, kernels)
     for _ in range(COLOUR_ROUNDS):
@@ -213,13 +221,21 @@ def _mix_kernels(variances: Array, kernels: Array) -> Array:
     return (variances @ kernels.reshape(len(kernels), -1)).reshape(kernels.shape[1:])
 
 
+def _likelihood(covariance: Array, rows: Array) -> tuple[float, Array]:
+    """Compute the log likelihood of `rows`, and the lower Cholesky factor of their covariance."""
+    from scipy.linalg.lapack import dpotrf, dtrtrs
+
+    root: Array = dpotrf(covariance, lower=True)[0]
+    white = dtrtrs(root, rows, lower=True)[0]
+    return -0.5 * float(white @ white) - float(np.log(np.diag(root)).sum()), root
+
+
 def _inverse(covariance: Array, rows: Array) -> tuple[float, Array]:
     """Compute the log likelihood of `rows`, and the inverse of their covariance."""
-    from scipy.linalg.lapack import dpotrf, dpotri
+    from scipy.linalg.lapack import dpotri
 
-    # LAPACK fills the lower triangles only; the rest is zero.
-    root = dpotrf(covariance, lower=True)[0]
+    # LAPACK fills the lower triangle only; the rest is zero.
+    likelihood, root = _likelihood(covariance, rows)
     inverse: Array = dpotri(root, lower=True)[0]
-    inverse += inverse.T
-    inverse[np.diag_indices_from(inverse)] *= 0.5
-    return -0.5 * float(rows @ inverse @ rows) - float(np.log(np.diag(root)).sum()), inverse
+    inverse += np.tril(inverse, -1).T
+    return likelihood, inverse

@@ -181,9 +181,10 @@ def fit_blocks(
         free: (m k, p) columns of further unknowns without a prior.
     """
     sensors, y, every = build_noise(seen, noise), by_signal(seen.observed), list(causes)
+    spans = seen.spans
     if free is not None:
         every.append(Cause.build("free", free, np.inf))
-    left = with_residual(sensors, learn_residual(every, sensors, y, seen.spans), seen.spans)
+    left = with_residual(sensors, learn_residual(every, sensors, y, spans), spans)
     whole = left if free is None else Projected.of(left, free)
     return fit(causes, whole, y, [*arm_scales(causes), *learned])
 

@@ -11,10 +11,11 @@ import io
 import os
 import subprocess
 import sys
-from collections.abc import Collection, Sequence
+from collections.abc import Callable, Collection, Sequence
 from copy import copy
-from functools import cache
+from functools import cache, partial
 from itertools import product
+from multiprocessing import parent_process
 from typing import Any
 
 import mujoco
@@ -23,6 +24,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from palpate.common.pose import Array
+from palpate.common.processes import Beside, can_copy
 
 Pixels = NDArray[np.uint8]  # (height, width, 3) RGB
 
@@ -54,7 +56,9 @@ context = mujoco.GLContext(64, 64)
 context.make_current()
 mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
 """
-_begun: dict[str, subprocess.Popen[str]] = {}  # Tests of backends that run in the background
+PATIENCE = 60.0  # s until a driver without an answer counts as unusable
+# Tests of backends that run in the background: functions that wait for the reason of a failure.
+_begun: dict[str, Callable[[], str | None]] = {}
 
 
 def gl_available() -> tuple[bool, str]:
@@ -116,35 +120,67 @@ def _usable() -> tuple[bool, str]:
 def _failure(backend: str) -> str | None:
     """Return the last line of a test's error output; None if it made a context."""
     try:
-        trial = _begun.pop(backend, None) or _trial(backend)
+        return (_begun.pop(backend, None) or _trial(backend))()
     except OSError as error:
         return str(error)
-    with trial:
-        try:
-            _, errors = trial.communicate(timeout=60)
-        except subprocess.TimeoutExpired as error:
-            trial.kill()
-            return str(error)
-    if trial.returncode == 0:
-        return None
-    return (errors.strip().splitlines() or [f"exit {trial.returncode}"])[-1][:160]
 
 
-def _trial(backend: str) -> subprocess.Popen[str]:
-    """Start a process that makes a context."""
+def _trial(backend: str) -> Callable[[], str | None]:
+    """Begin to make a context in another process. Return a function that waits for the reason of a failure."""
+    # A copy of this process has imported MuJoCo already.
+    if can_copy():
+        copied = Beside(partial(_make_context, backend))
+        return lambda: _answer(copied)
     # MuJoCo and PyOpenGL read the backend from the environment.
     environment = dict(os.environ)
     if backend:
         environment["MUJOCO_GL"] = backend
     if backend in ("egl", "osmesa"):
         environment["PYOPENGL_PLATFORM"] = backend
-    return subprocess.Popen(
+    process = subprocess.Popen(
         [sys.executable, "-c", _PROBE],
         env=environment,
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
     )
+    return lambda: _last_error(process)
+
+
+def _answer(copied: Beside[str]) -> str | None:
+    with copied:
+        return copied.result(PATIENCE) or None
+
+
+def _make_context(backend: str) -> str:
+    """Make a context in a copy of this process; return the reason of a failure, empty without one."""
+    if parent_process() is None:
+        return "its driver crashes, or gives no answer"
+    # Drivers print warnings.
+    with open(os.devnull, "w") as nowhere:
+        os.dup2(nowhere.fileno(), 1)
+        os.dup2(nowhere.fileno(), 2)
+    if backend:
+        os.environ["MUJOCO_GL"] = backend
+        importlib.reload(importlib.import_module("mujoco.rendering.classic.gl_context"))
+    try:
+        _opengl().make_current()
+        mujoco.MjrContext(mujoco.MjModel.from_xml_string("<mujoco/>"), 100)
+    except Exception as error:
+        return (str(error).splitlines() or [type(error).__name__])[-1][:160]
+    return ""
+
+
+def _last_error(trial: subprocess.Popen[str]) -> str | None:
+    with trial:
+        try:
+            _, errors = trial.communicate(timeout=PATIENCE)
+        except subprocess.TimeoutExpired as error:
+            trial.kill()
+            return str(error)
+    if trial.returncode == 0:
+        return None
+    return (errors.strip().splitlines() or [f"exit {trial.returncode}"])[-1][:160]
 
 
 @cache

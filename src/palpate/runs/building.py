@@ -6,6 +6,7 @@ from collections.abc import Collection, Iterator, Sequence
 from contextlib import AbstractContextManager, nullcontext
 from dataclasses import replace
 from functools import partial
+from importlib import import_module
 from itertools import pairwise
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -245,6 +246,9 @@ def touched_beside(run: Run, cell: Cell) -> AbstractContextManager[Beside[Given]
     """
     if run.settings.fast or run.seen or not cell.simulated:
         return nullcontext()
+    # Both executions need the simulated arm: a copy would import it again.
+    import_module("palpate.robots.simulated.robot")
+    import_module("scipy.linalg.lapack")
     # This execution depends on no estimate, so it need not wait for them.
     return Beside(lambda: touched_as_given(run.plan, run.scene))
 
