@@ -133,3 +133,33 @@ def test_named_poses_go_with_a_thing_but_a_place_to_put_it_down_does_not() -> No
     assert shift == pytest.approx([0.0, 0.0, 0.002], abs=1e-9)
     assert moved.symbols.pose("table_approach") is scene.symbols.pose("table_approach")
     assert moved.body("cup").pose_world.position == pytest.approx([0.51, 0.1, 0.052])
+
+
+@pytest.mark.parametrize("seed", [0, 3])
+def test_a_light_probe_ends_at_the_object_and_not_by_the_arm_s_own_force(seed: int) -> None:
+    """At `measured` the force of joint friction exceeds 2 N as the probe sets out and on its way."""
+    scene, world = told(), parse_scene(CELL.format(table=-0.03, cup="0.5 0.1 0.05"))
+    robot = MujocoRobot(world.spec(), world.pose_world_base, world.arm, noise="measured", seed=seed)
+    finished = run(Plan((), _sequence(*BESIDE), "a test"), scene, robot)
+    assert finished.stopped_by is None
+    (probe,) = finished.trace.leaf_runs("MoveUntilContact")
+    assert probe.message in (
+        "contact after 31 mm",
+        "contact after 32 mm",
+        "contact after 33 mm",
+        "contact after 34 mm",
+    )
+    (cup,) = robot.world.true_poses(["cup"]).values()
+    assert cup.position == pytest.approx((0.5, 0.1, 0.05), abs=1e-3)
+
+
+def test_a_probe_that_would_push_an_object_with_the_least_force_that_shows_stops_before_it() -> (
+    None
+):
+    cell = CELL.replace('mass="1.2"', 'mass="0.45"').format(table=-0.03, cup="0.5 0.1 0.05")
+    places = {"beside": {"pos": (0.43, 0.1, 0.085)}, "over": {"pos": (0.43, 0.1, 0.2)}}
+    scene = parse_scene(cell, poses=Poses.model_validate({"places": places}))
+    robot = MujocoRobot(scene.spec(), scene.pose_world_base, scene.arm, noise="measured", seed=0)
+    finished = run(Plan((), _sequence(*BESIDE), "a test"), scene, robot)
+    assert "'cup' resists with 2.6 N: the probe would push it away" in str(finished.stopped_by)
+    assert robot.state.pose_world_tcp.position[0] < 0.46
