@@ -66,10 +66,10 @@ def dynamics(
     import palpate as pp
     from palpate.cli.show_arms import mass_of, show_dynamics
 
-    found = pp.dynamics(recording, given["arm"], hand=mass_of(hand), columns=columns)
-    written = found.save(out) if out is not None and not found.contradictions else ()
-    show_dynamics(found, written, as_json)
-    raise typer.Exit(1 if found.contradictions else 0)
+    fitted = pp.dynamics(recording, given["arm"], hand=mass_of(hand), columns=columns)
+    written = fitted.save(out) if out is not None and not fitted.contradictions else ()
+    show_dynamics(fitted, written, as_json)
+    raise typer.Exit(1 if fitted.contradictions else 0)
 
 
 def noise(
@@ -91,8 +91,8 @@ def noise(
     import palpate as pp
     from palpate.cli.show_arms import show_noise
 
-    found = pp.noise(recording, given["arm"], columns=columns)
-    show_noise(found, None if out is None else found.save(out), as_json)
+    measured = pp.noise(recording, given["arm"], columns=columns)
+    show_noise(measured, None if out is None else measured.save(out), as_json)
 
 
 def teach(

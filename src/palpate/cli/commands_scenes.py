@@ -84,9 +84,9 @@ def plan(
     from palpate.runs.api import plan_of
 
     asked = settings_of(**one_scene(scene, given), **model).check_values()
-    found = plan_of(pipeline.plan(asked, pipeline.load(asked)))
-    show_plan(found, as_json, out)
-    raise typer.Exit(0 if found.satisfied or found.made.ready else 3)
+    planned = plan_of(pipeline.plan(asked, pipeline.load(asked)))
+    show_plan(planned, as_json, out)
+    raise typer.Exit(0 if planned.satisfied or planned.made.ready else 3)
 
 
 def prompt(

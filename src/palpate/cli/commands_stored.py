@@ -91,13 +91,13 @@ def estimate(
         return
     if source is None:
         raise InputError("give a run folder or a recording, or --how for what to record")
-    asked_for = [_load_format(one, as_json) for one in load_data or ()]
+    asked_for = [_load_format(item, as_json) for item in load_data or ()]
     # A run folder is estimated again; everything else is a recording.
     if (source / "result.json").exists():
-        found = pp.open(source).estimate(dict(map(_estimator, estimator or ())))
+        run = pp.open(source).estimate(dict(map(_estimator, estimator or ())))
     else:
         with live_view() as (_, progress):
-            found = pp.estimate(
+            run = pp.estimate(
                 source,
                 [_window(text) for text in loaded or ()],
                 empty=empty,
@@ -109,18 +109,18 @@ def estimate(
                 **given,
             )
         if out is not None:
-            found = found.save(out)
+            run = run.save(out)
     # Make all texts before the first file is written.
-    written = [(found.load_data(to, name), file) for to, file in asked_for]
+    written = [(run.load_data(to, name), file) for to, file in asked_for]
     for text, file in written:
         if file is not None:
             write_new(file, text)
-    show_run(found, as_json)
+    show_run(run, as_json)
     if not as_json:
         show_load_data(written)
     # Only requested parameters decide the exit status.
-    asked = [one for one in found.estimates if one.parameter in found.plan.parameters]
-    raise typer.Exit(0 if all(one.identified for one in asked) else 1)
+    asked = [item for item in run.estimates if item.parameter in run.plan.parameters]
+    raise typer.Exit(0 if all(item.identified for item in asked) else 1)
 
 
 def _estimator(text: str) -> tuple[str, str]:

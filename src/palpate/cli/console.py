@@ -44,8 +44,8 @@ _ARGUMENT = re.compile(rf"\b({'|'.join(_FLAGS)})=(?=[\s\w,:.*]|$)")
 
 def exit_status(error: PalpateError) -> int:
     """The process's exit status for an error."""
-    found = [status for kind, status in ERRORS.items() if isinstance(error, kind)]
-    return found[0] if found else 1
+    statuses = [status for kind, status in ERRORS.items() if isinstance(error, kind)]
+    return statuses[0] if statuses else 1
 
 
 def in_flags(message: str) -> str:
@@ -53,9 +53,9 @@ def in_flags(message: str) -> str:
     alone as `--scene`.
     """
 
-    def flag(found: re.Match[str]) -> str:
-        value_follows = message[found.end() : found.end() + 1] not in " ,:."
-        return _FLAGS[found.group(1)] + " " * value_follows
+    def flag(match: re.Match[str]) -> str:
+        value_follows = message[match.end() : match.end() + 1] not in " ,:."
+        return _FLAGS[match.group(1)] + " " * value_follows
 
     return _ARGUMENT.sub(flag, message)
 

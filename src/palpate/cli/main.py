@@ -126,8 +126,8 @@ def _report_error(error: Exception) -> int:
         say(str(error))
         return 1
 
-    found = PalpateError(f"unexpected {type(error).__name__}: {error}; python -X dev says where")
-    return print_error(found, "--json" in sys.argv)
+    bug = PalpateError(f"unexpected {type(error).__name__}: {error}; python -X dev says where")
+    return print_error(bug, "--json" in sys.argv)
 
 
 def usage(error: Any, as_json: bool = False) -> int:

@@ -55,36 +55,36 @@ class FromSettings:
 
     def parameters(self) -> Iterator[Parameter]:
         """Parameters from which typer makes the options."""
-        for one in self._chosen():
+        for declared in self._chosen():
             # Lists and settings without a default are None if they are not given.
-            several = get_origin(one.kind) in (tuple, frozenset) or one.kind is Any
-            unset = None if several or one.field.default is MISSING else one.field.default
+            several = get_origin(declared.kind) in (tuple, frozenset) or declared.kind is Any
+            unset = None if several or declared.field.default is MISSING else declared.field.default
             yield Parameter(
-                _flat(one.name),
+                _flat(declared.name),
                 Parameter.KEYWORD_ONLY,
-                default=self.defaults.get(one.name, unset),
-                annotation=Annotated[_kind(one.kind), typer_option(one)],
+                default=self.defaults.get(declared.name, unset),
+                annotation=Annotated[_kind(declared.kind), typer_option(declared)],
             )
 
     def gather(self, values: dict[str, Any]) -> Given:
         """Take these fields out of a command's arguments. Lists that were not given are left out."""
-        found: Given = {}
-        for name in (one.name for one in self._chosen()):
+        gathered: Given = {}
+        for name in (declared.name for declared in self._chosen()):
             value = values.pop(_flat(name))
             if value is not None:
                 # Rebuild the nesting from the dotted name.
                 *outer, last = name.split(".")
-                inner = found
+                inner = gathered
                 for part in outer:
                     inner = inner.setdefault(part, {})
                 inner[last] = value
-        return found
+        return gathered
 
     def _chosen(self) -> list[Declared]:
-        found: list[Declared] = []
+        options: list[Declared] = []
         for wanted in self.names:
-            found += [o for o in _DECLARED if o.name == wanted or o.name.startswith(f"{wanted}.")]
-        return found
+            options += [o for o in _DECLARED if o.name == wanted or o.name.startswith(f"{wanted}.")]
+        return options
 
 
 def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSettings:
@@ -113,11 +113,11 @@ def _kind(hint: Any) -> Any:
     return list[str] | None if hint is Any else hint
 
 
-def typer_option(one: Declared) -> Any:
+def typer_option(declared: Declared) -> Any:
     """Make typer's option of a declared one."""
-    option = one.option
+    option = declared.option
     return typer.Option(
-        *one.flags,
+        *declared.flags,
         metavar=option.metavar,
         help=option.help,
         rich_help_panel=option.panel,

@@ -50,18 +50,20 @@ def show_calibration(done: Calibration, as_json: bool) -> None:
             print_json(to_json(content))
             return
         table = figure_table("figure", "before", "now", no_wrap=True)
-        for found in done.found:
+        for figure in done.found:
             table.add_row(
-                found.name, _format_figure(found, found.before), _format_figure(found, found.after)
+                figure.name,
+                _format_figure(figure, figure.before),
+                _format_figure(figure, figure.after),
             )
         out.print(table)
-        for by in dict.fromkeys(found.by for found in done.found):
+        for by in dict.fromkeys(figure.by for figure in done.found):
             out.print(f"measured with {by}", markup=False)
         out.print(f"{done.robot_seconds:.0f} s of robot time; written to {done.file}", markup=False)
 
 
-def _format_figure(found: CalibratedFigure, figure: tuple[float, float]) -> str:
-    scale, unit, decimals = SHOWN[found.unit]
+def _format_figure(calibrated: CalibratedFigure, figure: tuple[float, float]) -> str:
+    scale, unit, decimals = SHOWN[calibrated.unit]
     value, std = (part * scale for part in figure)
     return f"{value:.{decimals}f} ± {std:.{decimals}f} {unit}"
 
@@ -99,44 +101,44 @@ def mass_of(hand: str) -> float | None:
     return mass
 
 
-def show_dynamics(found: ArmDynamics, written: Sequence[Path], as_json: bool) -> None:
+def show_dynamics(dynamics: ArmDynamics, written: Sequence[Path], as_json: bool) -> None:
     """Print the figures of each joint, the hand, and the held-out torque; or all of it as JSON."""
     with printing():
         if as_json:
-            print_json({**found.record(), "files": [str(path) for path in written]})
+            print_json({**dynamics.record(), "files": [str(path) for path in written]})
             return
         # Figures of the joints, then the hand, then the held-out torques; contradicted ones are in parentheses.
-        form = "({})" if found.contradictions else "{}"
-        if found.contradictions:
+        form = "({})" if dynamics.contradictions else "{}"
+        if dynamics.contradictions:
             out.print("contradicted: figures in parentheses have no meaning", style="bold red")
         table = figure_table("joint", *FIGURES.values())
-        for i in range(len(found.arm.joints)):
-            cells = [_figure_cell(getattr(found, name), i, form) for name in FIGURES]
+        for i in range(len(dynamics.arm.joints)):
+            cells = [_figure_cell(getattr(dynamics, name), i, form) for name in FIGURES]
             table.add_row(str(i + 1), *cells)
         out.print(table)
-        if found.hand is not None:
-            low, high = found.hand.interval
-            mass, std = found.hand.mass, found.hand.mass_std
-            said = f"{mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]"
-            out.print(f"hand {form.format(said)}", markup=False)
-            if found.hand.centre is None:
+        if dynamics.hand is not None:
+            low, high = dynamics.hand.interval
+            mass, std = dynamics.hand.mass, dynamics.hand.mass_std
+            interval = f"{mass:.3f} ± {std:.3f} kg, 95 % [{low:.3f}, {high:.3f}]"
+            out.print(f"hand {form.format(interval)}", markup=False)
+            if dynamics.hand.centre is None:
                 out.print(f"its centre of mass is {NOT_OBSERVABLE}", markup=False)
             else:
-                centre = ", ".join(f"{1e3 * part:.0f}" for part in found.hand.centre.tolist())
+                centre = ", ".join(f"{1e3 * part:.0f}" for part in dynamics.hand.centre.tolist())
                 place = form.format(f"{centre} mm from the TCP, along x y z")
                 out.print(f"its centre of mass {place}", markup=False)
         # Root mean square of each joint and over all joints, for each model.
-        title = f"torque left in the last {found.held_out:.0f} s, N m rms, joints 1 to 7"
+        title = f"torque left in the last {dynamics.held_out:.0f} s, N m rms, joints 1 to 7"
         held_out = figure_table(
-            "model", *(str(i + 1) for i in range(len(found.arm.joints))), "all", title=title
+            "model", *(str(i + 1) for i in range(len(dynamics.arm.joints))), "all", title=title
         )
-        for name, rms in found.rms.items():
+        for name, rms in dynamics.rms.items():
             together = float((rms**2).mean() ** 0.5)
             held_out.add_row(MODELS[name], *(f"{part:.2f}" for part in (*rms.tolist(), together)))
         out.print(held_out)
-        for note in found.notes:
+        for note in dynamics.notes:
             out.print(note, style="dim", markup=False)
-        for text in found.contradictions:
+        for text in dynamics.contradictions:
             out.prose(f"[bold red]contradicted[/] {escape(in_flags(text))}")
         for path in written:
             out.print(f"written to {path}", markup=False, soft_wrap=True)
@@ -171,19 +173,19 @@ LABEL, CELL = 14, 9
 NO_FIGURE = "–"
 
 
-def show_noise(found: ArmNoise, written: Path | None, as_json: bool) -> None:
+def show_noise(noise: ArmNoise, written: Path | None, as_json: bool) -> None:
     """Print every figure of the recording with its interval, and below it those of the models."""
     with printing():
         if as_json:
-            print_json({**found.record(), "file": None if written is None else str(written)})
+            print_json({**noise.record(), "file": None if written is None else str(written)})
             return
-        out.print(f"{found.source}: {found.seconds:.0f} s of free motion", markup=False)
-        for note in found.notes:
+        out.print(f"{noise.source}: {noise.seconds:.0f} s of free motion", markup=False)
+        for note in noise.notes:
             out.print(note, markup=False)
-        models = found.models
-        _line("joint", [str(i + 1) for i in range(len(found.arm.joints))], "dim")
+        models = noise.models
+        _line("joint", [str(i + 1) for i in range(len(noise.arm.joints))], "dim")
         # For each figure: the arm, its half width, and the models that state it.
-        for name, figure in found.figures.items():
+        for name, figure in noise.figures.items():
             title, factor = TITLES[name]
             out.print(title, style="bold", highlight=False)
             _line("this arm", [_noise_cell(x, factor) for x in figure.value.tolist()])

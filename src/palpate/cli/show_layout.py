@@ -77,10 +77,10 @@ def _table(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], title
     return table
 
 
-def _natural(thing: RenderableType) -> int:
+def _natural(renderable: RenderableType) -> int:
     """Width of a renderable without line breaks, in characters."""
     wide = SafeConsole(width=UNLIMITED)
-    return Measurement.get(wide, wide.options, thing).maximum
+    return Measurement.get(wide, wide.options, renderable).maximum
 
 
 def _fits(columns: Sequence[TableColumn], rows: Sequence[Sequence[Cell]], room: int) -> bool:

@@ -60,11 +60,11 @@ def print_plan(plan: Plan, console: Console) -> None:
 
 def understood(plan: Plan) -> str:
     """Word a proposal, as "I understand: mass of red_can.", with the words that are not used."""
-    labels = [f"{one.quantity} of {one.object}" for one in plan.proposal]
-    said = f"I understand: {', '.join(labels)}."
+    labels = [f"{parameter.quantity} of {parameter.object}" for parameter in plan.proposal]
+    sentence = f"I understand: {', '.join(labels)}."
     if plan.not_used:
-        said += f" Not used: {', '.join(repr(words) for words in plan.not_used)}."
-    return said
+        sentence += f" Not used: {', '.join(repr(words) for words in plan.not_used)}."
+    return sentence
 
 
 def show_proposal(run: Run) -> None:
@@ -90,10 +90,10 @@ def show_findings(findings: Iterable[Finding], as_json: bool) -> None:
     """Print the findings of the check on a plan."""
     from palpate.runs.result import finding_json
 
-    found = list(map(finding_json, findings))
+    rows = list(map(finding_json, findings))
     if as_json:
-        print_json({"valid": not found, "findings": found})
-    elif found:
+        print_json({"valid": not rows, "findings": rows})
+    elif rows:
         _print_findings(findings)
     else:
         out.print("[green]valid[/]")

@@ -237,8 +237,11 @@ def _show_estimates(run: Run) -> None:
         precision = run.settings.within.precision(estimate)
         if precision is not None:
             colour = "yellow" if precision.outcome == "rounds used up" else "green"
-            name, said = escape(str(estimate.parameter)), escape(precision.in_words(estimate.unit))
-            out.prose(f"[{colour}]{precision.outcome}[/] {name}: {said}")
+            name, interval = (
+                escape(str(estimate.parameter)),
+                escape(precision.in_words(estimate.unit)),
+            )
+            out.prose(f"[{colour}]{precision.outcome}[/] {name}: {interval}")
     _show_held_out(run)
     for name, belief in run.beliefs.items():
         if belief.contradiction:
@@ -250,7 +253,7 @@ def _show_held_out(run: Run) -> None:
     if run.held_out is None:
         return
     # Summarize many agreeing motions by the worst of them.
-    agreeing = [one for one in run.held_out.motions if one.agrees and one.is_better]
+    agreeing = [motion for motion in run.held_out.motions if motion.agrees and motion.is_better]
     if len(agreeing) > MANY_MOTIONS:
         worst = max(motion.rms for motion in agreeing)
         out.prose(
@@ -261,14 +264,14 @@ def _show_held_out(run: Run) -> None:
     for motion in run.held_out.motions:
         if motion in agreeing and len(agreeing) > MANY_MOTIONS:
             continue
-        heading, said = "[green]validation agrees[/]", _prediction(motion)
+        heading, sentence = "[green]validation agrees[/]", _prediction(motion)
         if motion.disagreement:
-            said += f". {motion.disagreement}"
+            sentence += f". {motion.disagreement}"
         if not motion.agrees:
             heading = "[bold red]validation disagrees[/]"
         elif not motion.is_better:
-            heading, said = "[yellow]validation open[/]", f"{said}, which is no worse"
-        out.prose(f"{heading} {escape(said)}")
+            heading, sentence = "[yellow]validation open[/]", f"{sentence}, which is no worse"
+        out.prose(f"{heading} {escape(sentence)}")
     for note in run.held_out.notes:
         out.prose(f"[dim]not validated[/] {escape(note)}")
 

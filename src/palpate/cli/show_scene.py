@@ -30,7 +30,7 @@ def show_scenarios(as_json: bool) -> None:
     """Print the bundled scenarios."""
     from palpate.studies.scenarios.catalogue import scenarios
 
-    found = scenarios().values()
+    catalogue = scenarios().values()
     if as_json:
         listed = [
             {
@@ -40,12 +40,12 @@ def show_scenarios(as_json: bool) -> None:
                 "planner": scenario.planner.split("/")[0],
                 "expects": [str(parameter) for parameter in scenario.expects],
             }
-            for scenario in found
+            for scenario in catalogue
         ]
         print_json(listed)
         return
     rows: list[list[Text]] = []
-    for scenario in found:
+    for scenario in catalogue:
         request = scenario.request or "– (whatever the scene lacks)"
         rows.append([Text(part) for part in (scenario.name, scenario.title, request)])
     print_rows(SCENARIOS, rows)
@@ -134,16 +134,16 @@ def _body_cells(body: Body, scene: Scene) -> list[str]:
     ]
 
 
-def show_scaffold(made: Scaffold, as_json: bool) -> None:
+def show_scaffold(scaffold: Scaffold, as_json: bool) -> None:
     """Print the files of a new scene, and the next steps."""
     if as_json:
-        print_json(to_json(made))
+        print_json(to_json(scaffold))
         return
-    scene = shlex.quote(str(made.scene))
-    out.print(f"wrote {escape(str(made.scene))}", soft_wrap=True)
-    out.print(f"      {escape(str(made.poses))}", soft_wrap=True)
+    scene = shlex.quote(str(scaffold.scene))
+    out.print(f"wrote {escape(str(scaffold.scene))}", soft_wrap=True)
+    out.print(f"      {escape(str(scaffold.poses))}", soft_wrap=True)
     out.print("Put a ruler to your table, correct places and sizes in them, then:")
     out.print(f"  palpate gap {escape(scene)}", soft_wrap=True)
-    if made.objects:
-        question = shlex.quote(f"how heavy is the {made.objects[0].replace('_', ' ')}?")
+    if scaffold.objects:
+        question = shlex.quote(f"how heavy is the {scaffold.objects[0].replace('_', ' ')}?")
         out.print(f"  palpate run --scene {escape(scene)} -r {escape(question)}", soft_wrap=True)

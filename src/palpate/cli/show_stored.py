@@ -41,11 +41,16 @@ def show_estimates(
     """
     estimates = tuple(estimates)
     # One row for each component.
-    columns, rows = list(COLUMNS), [row for one in estimates for row in estimate_rows(one)]
+    columns, rows = (
+        list(COLUMNS),
+        [row for estimate in estimates for row in estimate_rows(estimate)],
+    )
     if truth:
         columns.append(TableColumn("truth", style="dim"))
         trues = [
-            cell for one in estimates for cell in _truth_cells(one, truth.get(one.parameter, ()))
+            cell
+            for estimate in estimates
+            for cell in _truth_cells(estimate, truth.get(estimate.parameter, ()))
         ]
         rows = [[*row, cell] for row, cell in zip(rows, trues, strict=True)]
     print_rows(columns, rows)
@@ -61,11 +66,11 @@ def show_objection(estimate: Estimate) -> None:
     elif not estimate.has_value:
         out.prose(f"[bold red]not identified[/] {name}: {escape(estimate.method)}")
     elif estimate.reason:
-        said = escape(estimate.doubt)
+        reason = escape(estimate.doubt)
         if estimate.identified:
             name += f" {' and '.join(estimate.doubtful_axes)}"
-            said += ", and as a whole it is not identified"
-        out.prose(f"[yellow]prior-dominated[/] {name}: {said}")
+            reason += ", and as a whole it is not identified"
+        out.prose(f"[yellow]prior-dominated[/] {name}: {reason}")
 
 
 def estimate_rows(estimate: Estimate) -> list[list[str]]:
@@ -135,10 +140,10 @@ def show_comparison(comparison: Comparison, as_json: bool) -> None:
 def _cells(row: ComparedEstimate) -> list[list[str]]:
     if row.estimate is None:
         return []
-    apart = _format_differences(row)
+    differences = _format_differences(row)
     cells: list[list[str]] = []
     for place, (name, value, _, verdict) in enumerate(estimate_rows(row.estimate)):
-        cells.append([name, escape(row.run), value, *apart.get(place, ("", "")), verdict])
+        cells.append([name, escape(row.run), value, *differences.get(place, ("", "")), verdict])
     return cells
 
 
@@ -147,12 +152,12 @@ def _format_differences(row: ComparedEstimate) -> dict[int, tuple[str, str]]:
     if row.difference is None or row.std is None or row.z is None:
         return {}
     values, stds = rounded_columns(row.difference, row.std)
-    found: dict[int, tuple[str, str]] = {}
+    cells: dict[int, tuple[str, str]] = {}
     for place, z in enumerate(row.z.tolist()):
         sign = "" if values[place].startswith("-") else "+"
         far = f"[bold yellow]{z:+.1f}[/]" if abs(z) > FAR else f"{z:+.1f}"
-        found[place] = (f"{sign}{values[place]} ± {stds[place]}", far)
-    return found
+        cells[place] = (f"{sign}{values[place]} ± {stds[place]}", far)
+    return cells
 
 
 # Output for stored runs: report in the browser, fusion, export.
@@ -207,9 +212,9 @@ def show_fusion(fusion: Fusion, as_json: bool) -> None:
     # For each parameter: the estimates of the runs, then the fused one.
     for estimate in fusion.estimates:
         for name, run in zip(fusion.names, fusion.runs, strict=True):
-            for one in run.estimates:
-                if one.parameter == estimate.parameter:
-                    rows += [[*row, escape(name)] for row in estimate_rows(one)]
+            for other in run.estimates:
+                if other.parameter == estimate.parameter:
+                    rows += [[*row, escape(name)] for row in estimate_rows(other)]
         rows += [[*row, "[bold]together[/]"] for row in estimate_rows(estimate)]
     print_rows([*COLUMNS, TableColumn("by", words=True)], rows)
     for estimate in fusion.estimates:
@@ -260,8 +265,8 @@ def show_proof(proof: Proof, as_json: bool) -> None:
         return
     headings = [TableColumn(name, words=True) for name in proof.columns]
     print_rows(headings, [[escape(cell) for cell in row.cells()] for row in proof.rows])
-    for said in dict.fromkeys(f"{row.task}: {row.says}" for row in proof.rows):
-        out.prose(f"[dim]{escape(said)}[/]")
+    for sentence in dict.fromkeys(f"{row.task}: {row.says}" for row in proof.rows):
+        out.prose(f"[dim]{escape(sentence)}[/]")
     for line in proof.left_out:
         out.prose(f"[yellow]left out[/] {escape(line)}")
     judges = {

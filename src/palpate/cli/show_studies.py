@@ -38,23 +38,26 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
         scenarios = [
             {
                 "scenario": name,
-                "statuses": _statuses(found),
-                "actions": found[0].actions,
-                "robot_seconds": _robot_seconds(found),
-                "rows": [asdict(row) for row in summarise(found)],
+                "statuses": _statuses(trials),
+                "actions": trials[0].actions,
+                "robot_seconds": _robot_seconds(trials),
+                "rows": [asdict(row) for row in summarise(trials)],
             }
-            for name, found in runs.items()
+            for name, trials in runs.items()
         ]
         print_json({"title": title, "scenarios": scenarios})
         return
     shown = SafeConsole(highlight=False, width=max(out.width, SUMMARY_WIDTH))
     shown.print(Text(title, "italic"))
-    for name, found in runs.items():
+    for name, trials in runs.items():
         shown.print(Text(name, "bold"))
-        ended = ", ".join(f"{count} {status}" for status, count in _statuses(found).items())
+        ended = ", ".join(f"{count} {status}" for status, count in _statuses(trials).items())
         shown.print(
-            _summary_table(found),
-            Text(f"{ended}; {found[0].actions} actions, {_robot_seconds(found):.1f} s", "dim"),
+            _summary_table(trials),
+            Text(
+                f"{ended}; {trials[0].actions} actions, {_robot_seconds(trials):.1f} s",
+                "dim",
+            ),
             sep="\n",
         )
 

@@ -128,7 +128,7 @@ class TrialOptions:
         conditions = Conditions(asked.images, asked.noise, asked.model_settings.check_values())
         prompts = self.prompt or ["full"]
         try:
-            found = study(
+            summary = study(
                 names or ["bottle_and_table"],
                 self.planner,
                 self.out,
@@ -142,7 +142,7 @@ class TrialOptions:
             # Also after an error: the page shows the finished trials.
             if page := write_page(self.out):
                 aside(f"page: {page}")
-        show_trials(found, published, as_json)
+        show_trials(summary, published, as_json)
 
 
 def accuracy(
@@ -175,8 +175,8 @@ def accuracy(
         runs = over.runs([Question(name, tuple(changes.items())) for name in chosen])
     finally:
         over.page()
-    found = {group.scenario: seeds for group, seeds in runs.items()}
-    show_seed_runs(found, f"--noise {asked.noise}", as_json)
+    by_scenario = {group.scenario: seeds for group, seeds in runs.items()}
+    show_seed_runs(by_scenario, f"--noise {asked.noise}", as_json)
 
 
 def efficiency(
@@ -190,10 +190,10 @@ def efficiency(
     from palpate.cli.show_studies import show_comparisons
     from palpate.studies import efficiency
 
-    found = efficiency.efficiency(names or efficiency.comparable(), given["noise"], given["seed"])
+    rows = efficiency.efficiency(names or efficiency.comparable(), given["noise"], given["seed"])
     if plot:
-        plot.write_text(efficiency.plot(found), encoding="utf-8")
-    show_comparisons(found, efficiency.PAPER, as_json)
+        plot.write_text(efficiency.plot(rows), encoding="utf-8")
+    show_comparisons(rows, efficiency.PAPER, as_json)
 
 
 def ablation(

@@ -40,14 +40,14 @@ def give_lesson(asked: Settings, file: Path) -> None:
         # Enter one pose a line; an error is printed, and the next line is read.
         for line in _lines():
             try:
-                said = (
+                message = (
                     _enter_by_ruler(taught, line)
                     if hand is None
                     else _enter_by_hand(taught, hand, line)
                 )
             except InputError as error:
-                said = str(error)
-            err.print(said, markup=False)
+                message = str(error)
+            err.print(message, markup=False)
             if taught.missing:
                 err.print(f"still missing: {', '.join(taught.missing)}", markup=False)
             else:
@@ -115,10 +115,10 @@ def _metres(number: tuple[str, str]) -> float:
         raise InputError(f"{value}{unit} is no length")
     length = float(value) * LENGTH[unit]
     if abs(length) > FARTHEST:
-        meant = (
+        hint = (
             ""
             if unit
             else f": did you mean {value}mm or {value}cm? A number without a unit is in m"
         )
-        raise InputError(f"{value}{unit or ' m'} is out of every arm's reach{meant}")
+        raise InputError(f"{value}{unit or ' m'} is out of every arm's reach{hint}")
     return length

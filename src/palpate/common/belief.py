@@ -57,7 +57,7 @@ class BeliefTouch:
         """The measurement in words."""
         # Name the axis with the largest component.
         axes = zip("xyz", self.along, strict=True)
-        axis, part = max(axes, key=lambda one: abs(one[1]))
+        axis, part = max(axes, key=lambda item: abs(item[1]))
         sign = "-" if part < 0.0 else "+"
         apart = round(1e3 * self.apart, 1) + 0.0  # no negative zero
         return f"{apart:+.1f} ± {1e3 * self.std:.1f} mm along {sign}{axis}"
@@ -90,11 +90,11 @@ class Belief:
     @property
     def contradiction(self) -> str:
         """Touches that contradict sight, in words; empty for none."""
-        found = [touch for touch in self.touches if touch.contradicts]
+        contradicting = [touch for touch in self.touches if touch.contradicts]
         return "; ".join(
             f"it was met {touch.said} from where it was seen, {abs(touch.z):.1f} standard deviations: it does not "
             "stand there, or is of another size"
-            for touch in found
+            for touch in contradicting
         )
 
     def at(self, pose: Pose) -> Belief:
@@ -133,11 +133,11 @@ class Belief:
         prior[:3, :3] += pushed**2 / 3.0 * np.outer(along, along)
         spread = float(row @ prior @ row)
         x, y, z = along.tolist()
-        made = BeliefTouch(
+        touch = BeliefTouch(
             means, (x, y, z), tuple(point.tolist()), apart, noise, float(np.sqrt(spread))
         )
         # Inflate a contradicted prior.
-        if made.contradicts:
+        if touch.contradicts:
             prior *= max(((apart / SURE) ** 2 - noise**2) / max(spread, 1e-12), 1.0)
             spread = float(row @ prior @ row)
         # Kalman gain K = P Hᵀ / (H P Hᵀ + R), and the correction of the pose.
@@ -147,12 +147,12 @@ class Belief:
         rest = np.eye(6) - np.outer(gain, row)
         covariance = rest @ prior @ rest.T + noise**2 * np.outer(gain, gain)
         # Apply the correction to position and orientation.
-        turned = Pose.turn(step[3:]) @ Pose.of((0.0, 0.0, 0.0), self.pose.quaternion)
-        pose = Pose(self.pose.position + step[:3], turned.quaternion)
+        rotated = Pose.turn(step[3:]) @ Pose.of((0.0, 0.0, 0.0), self.pose.quaternion)
+        pose = Pose(self.pose.position + step[:3], rotated.quaternion)
         # A free object was found in its original place; an object that the fingers closed on was pushed.
         placed = self.placed if pushed else self.placed @ self.pose.inverse() @ pose
         return replace(
-            self, placed=placed, pose=pose, covariance=covariance, touches=(*self.touches, made)
+            self, placed=placed, pose=pose, covariance=covariance, touches=(*self.touches, touch)
         )
 
     def _row(self, along: Array, point: Array) -> Array:

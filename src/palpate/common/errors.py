@@ -38,7 +38,7 @@ class Stopped(Unavailable):
 
 
 def unknown_name(
-    kind: str, name: str, valid: Iterable[str], hint: str = "", meant: str | None = None
+    kind: str, name: str, valid: Iterable[str], hint: str = "", intended: str | None = None
 ) -> InputError:
     """Make an `InputError` for an unknown name, with the probable choice and the valid ones.
 
@@ -48,7 +48,7 @@ def unknown_name(
     names = sorted(valid)
     choices = ", ".join(names) or "none"
     tail = f" {hint}" if hint else ""
-    guess = f" did you mean '{meant}'?" if meant else perhaps(name, names)
+    guess = f" did you mean '{intended}'?" if intended else perhaps(name, names)
     unknown = f"unknown {kind} '{name[:80]}';{guess}"
     return InputError(f"{unknown} valid: {choices}.{tail}")
 

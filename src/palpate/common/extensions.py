@@ -35,11 +35,11 @@ class Registry(dict[str, T]):
     def __repr__(self) -> str:
         return f"<{type(self).__name__}: {', '.join(self)}>"
 
-    def named(self, name: str, hint: str = "", meant: str | None = None) -> T:
+    def named(self, name: str, hint: str = "", intended: str | None = None) -> T:
         """Return the part of that name; `hint` and `meant` are those of `unknown_name`. Raises
         InputError: unknown; the message lists the valid names."""
         if name not in self:
-            raise unknown_name(self.kind, name, self, hint, meant)
+            raise unknown_name(self.kind, name, self, hint, intended)
         return self[name]
 
 

@@ -170,13 +170,13 @@ def clip_polygon(polygon: Array, by: Array) -> Array:
         # Each side of `by` cuts off the part to its right.
         inside = [(x1 - x0) * (y - y0) - (y1 - y0) * (x - x0) for x, y in left]
         kept: list[list[float]] = []
-        for i, ((x, y), there) in enumerate(zip(left, inside, strict=True)):
-            (from_x, from_y), here = left[i - 1], inside[i - 1]
+        for i, ((x, y), next_side) in enumerate(zip(left, inside, strict=True)):
+            (from_x, from_y), side = left[i - 1], inside[i - 1]
             # Keep the corners inside, and add the intersections with the side.
-            if here * there < 0:
-                share = here / (here - there)
+            if side * next_side < 0:
+                share = side / (side - next_side)
                 kept.append([from_x + share * (x - from_x), from_y + share * (y - from_y)])
-            if there >= 0:
+            if next_side >= 0:
                 kept.append([x, y])
         left = kept
     return np.array(left).reshape(-1, 2)
@@ -215,14 +215,14 @@ def tip_to_rest(points: Array, centre: Array) -> Pose:
     """
     # Tip until the body is stable, or has turned too far.
     unmoved = Pose.of(np.zeros(3))
-    moved, turned = unmoved, 0.0
+    pose, angle = unmoved, 0.0
     for _ in range(TIPS):
-        tip = _tip(points @ moved.rotation.T + moved.position, moved.apply(centre))
+        tip = _tip(points @ pose.rotation.T + pose.position, pose.apply(centre))
         if tip is None:
-            return moved
-        moved = tip @ moved
-        turned = unmoved.angle_to(moved)
-        if turned > MOST:
+            return pose
+        pose = tip @ pose
+        angle = unmoved.angle_to(pose)
+        if angle > MOST:
             return unmoved
     return unmoved
 
@@ -233,13 +233,13 @@ def _tip(points: Array, centre: Array) -> Pose | None:
     plane = float(points[:, 2].min())
     touching = points[:, 2] < plane + TOUCHING
     edge = _nearest(hull(points[touching, :2]), centre[:2])
-    beside = centre[:2] - edge
-    distance = float(np.hypot(*beside))
+    across = centre[:2] - edge
+    distance = float(np.hypot(*across))
     if distance < STEADY:
         return None
     # Points in the tipping direction can land on the plane.
-    way = beside / distance
-    along = (points[:, :2] - edge) @ way
+    direction = across / distance
+    along = (points[:, :2] - edge) @ direction
     landing = ~touching & (along > 0.0)
     if not landing.any():
         return None
@@ -247,7 +247,7 @@ def _tip(points: Array, centre: Array) -> Pose | None:
     angle = float(np.arctan2(points[landing, 2] - plane, along[landing]).min())
     # Rotation about the horizontal edge through the nearest point.
     half = 0.5 * angle
-    axis = np.array([-way[1], way[0], 0.0])
+    axis = np.array([-direction[1], direction[0], 0.0])
     turn = Pose.of(np.zeros(3), [np.cos(half), *(np.sin(half) * axis)])
     foot = np.array([*edge, plane])
     return Pose.of(foot - turn.apply(foot), turn.quaternion)
@@ -262,7 +262,7 @@ def _nearest(polygon: Array, point: Array) -> Array:
     for start, end in zip(polygon, np.roll(polygon, -1, axis=0), strict=True):
         side = end - start
         share = float((point - start) @ side) / max(float(side @ side), 1e-18)
-        there = start + np.clip(share, 0.0, 1.0) * side
-        if np.hypot(*(point - there)) < np.hypot(*(point - best)):
-            best = there
+        closest = start + np.clip(share, 0.0, 1.0) * side
+        if np.hypot(*(point - closest)) < np.hypot(*(point - best)):
+            best = closest
     return best

@@ -117,8 +117,8 @@ class Pose:
 
     def distance_to(self, other: Pose) -> float:
         """Compute the distance between the two origins, m."""
-        apart = self.position - other.position
-        return math.sqrt(apart.dot(apart))
+        offset = self.position - other.position
+        return math.sqrt(offset.dot(offset))
 
 
 def rotations(quaternions: Array) -> Array:
@@ -285,8 +285,8 @@ class Joint:
         if self.is_slide:
             return self.axis
         # Velocity of a point on a hinge: axis × radius.
-        way = np.cross(self.axis, point - self.anchor)
-        return way / max(float(np.linalg.norm(way)), 1e-9)
+        tangent = np.cross(self.axis, point - self.anchor)
+        return tangent / max(float(np.linalg.norm(tangent)), 1e-9)
 
     def along(self, points: Array) -> Array:
         """Compute rows (n, 6) whose product with a wrench about each of the points (n, 3) is the force or
@@ -304,5 +304,5 @@ class Joint:
     def _radius(self, points: Array) -> Array:
         """Compute the perpendicular vectors (n, 3), m, from the axis to points (n, 3)."""
         # Subtract the component along the axis.
-        apart = points - self.anchor
-        return apart - np.outer(apart @ self.axis, self.axis)
+        offset = points - self.anchor
+        return offset - np.outer(offset @ self.axis, self.axis)

@@ -128,14 +128,14 @@ class BodyDescription:
     @property
     def named_handle(self) -> tuple[Element, ...]:
         """Colliding geoms of a fixture that are named as a handle, or are in a body of such a name."""
-        found: list[Element] = []
+        geoms: list[Element] = []
         for geom in self.elements.colliding:
             # Bodies between the geom and the fixture.
             inner = list(geom.iterancestors("body"))
             inner = inner[: inner.index(self.elements.element)]
             if any(HANDLE.search(part.get("name") or "") for part in (geom, *inner)):
-                found.append(geom)
-        return tuple(found)
+                geoms.append(geom)
+        return tuple(geoms)
 
     def box(self) -> tuple[Array, Array]:
         """Compute centre and full extents (3,), m, of the box around it in its own frame."""

@@ -114,7 +114,7 @@ def require_limits(
 def has_large_textures(document: Document, loaded: Loaded) -> bool:
     """Test if textures have too many pixels in total, or unpack to more bytes than allowed."""
     try:
-        require_limits(document, loaded={one for one in loaded if one.tag == "texture"})
+        require_limits(document, loaded={element for element in loaded if element.tag == "texture"})
     except InputError:
         return True
     return False
@@ -188,14 +188,14 @@ def _file_amounts(
     document: Document, loaded: Loaded | None
 ) -> dict[Element, list[tuple[str, float]]]:
     """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, other files' bytes."""
-    found: dict[Element, list[tuple[str, float]]] = {}
+    amounts_of: dict[Element, list[tuple[str, float]]] = {}
     pixels: dict[Path, int] = {}
     for named in document.named:
         is_counted = loaded is None or named.element in loaded
         if named.element.tag in ("include", "model") or not is_counted:
             continue
         # A picture adds its pixels, another file its bytes.
-        path, amounts = named.path, found.setdefault(named.element, [])
+        path, amounts = named.path, amounts_of.setdefault(named.element, [])
         if path not in pixels:
             pixels[path] = _picture_pixels(path)
         if pixels[path]:
@@ -209,7 +209,7 @@ def _file_amounts(
                 content = read_bytes(path, LIMITS[MESHES], "points of a flexible body")
                 points = len(re.findall(rb"(?m)^[ \t]*v[ \t]", content))
             amounts.append((POINTS, _weight(named.element) * points))
-    return found
+    return amounts_of
 
 
 def _weight(flexcomp: Element) -> float:
@@ -294,14 +294,14 @@ def _limit_error(element: Element, where: str, attribute: str, limit: object) ->
 
 def _numbers(element: Element, attribute: str) -> Sequence[float]:
     """Return the absolute values of an attribute's numbers, with nan as inf; MuJoCo refuses other texts."""
-    found: list[float] = []
+    numbers: list[float] = []
     for part in tokens(element.get(attribute)):
         try:
             number = abs(float(part))
         except ValueError:
             continue
-        found.append(inf if number != number else number)
-    return found
+        numbers.append(inf if number != number else number)
+    return numbers
 
 
 def _product(element: Element, *attributes: str) -> float:
@@ -310,10 +310,10 @@ def _product(element: Element, *attributes: str) -> float:
 
 def _memory(element: Element) -> float:
     """Return the bytes of a `memory`, with MuJoCo's suffix for kilo- to exabytes (powers of 1024)."""
-    found = re.fullmatch(r"\s*([\d.eE+]+)\s*([a-zA-Z]?)\s*", element.get("memory") or "")
-    if found is None:
+    match = re.fullmatch(r"\s*([\d.eE+]+)\s*([a-zA-Z]?)\s*", element.get("memory") or "")
+    if match is None:
         return 0.0
     try:
-        return float(found.group(1)) * _UNITS.get(found.group(2).lower(), inf)
+        return float(match.group(1)) * _UNITS.get(match.group(2).lower(), inf)
     except ValueError:
         return 0.0

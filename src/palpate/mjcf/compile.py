@@ -73,8 +73,8 @@ class ModelTree:
                     roots.add(named)
                     pending.append(named)
         # A removed element still has the document's root in lxml: only a walk shows the present elements.
-        there = {element for root in roots for element in elements(root)}
-        return {element for element, twin in self.twin_of.items() if twin in there}
+        present = {element for root in roots for element in elements(root)}
+        return {element for element, twin in self.twin_of.items() if twin in present}
 
 
 def without_robots(document: Document, roles: Roles) -> ModelTree:
@@ -267,10 +267,10 @@ def _remove_watching(root: Element, names: set[str]) -> None:
 
 def _referenced_names(entry: Element) -> set[str]:
     """Return the values of all attributes, in an element and below it, that may be references."""
-    found: set[str] = set()
+    names: set[str] = set()
     for part in elements(entry):
-        found |= {str(value) for key, value in part.items() if key not in ("name", "class")}
-    return found
+        names |= {str(value) for key, value in part.items() if key not in ("name", "class")}
+    return names
 
 
 def _remove_unused_assets(root: Element, models: Mapping[str, str]) -> None:

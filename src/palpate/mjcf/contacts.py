@@ -90,14 +90,14 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     # Of several tops above each other, the nearest carries.
     distances = data.contact.dist
     nearest = distances.min(where=carrying, initial=np.inf)
-    found: list[tuple[int, float]] = []
+    contacts: list[tuple[int, float]] = []
     for i in np.flatnonzero(carrying & (distances < nearest + SAME_TOP)).tolist():
         (geom,) = data.contact.geom[i, is_own[i]].tolist()
         # A pair may state two coefficients, along two axes.
         has_friction = bool(data.contact.dim[i] >= FRICTIONAL)
         for sliding in data.contact.friction[i, :2].tolist():
-            found.append((geom, sliding * has_friction))
-    return tuple(dict.fromkeys(found))
+            contacts.append((geom, sliding * has_friction))
+    return tuple(dict.fromkeys(contacts))
 
 
 def what_decides(body: BodyDescription) -> str:
@@ -116,8 +116,8 @@ def what_decides(body: BodyDescription) -> str:
 
 def acting_friction(body: BodyDescription) -> float | None:
     """Return the sliding friction between an object and its support; None without one, and where contacts differ."""
-    found = [sliding for _, sliding in standing_contacts(body)]
-    return found[0] if found and np.ptp(found) < 1e-9 else None
+    frictions = [sliding for _, sliding in standing_contacts(body)]
+    return frictions[0] if frictions and np.ptp(frictions) < 1e-9 else None
 
 
 def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
@@ -131,7 +131,7 @@ def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
     # Pairs are in the main file and in attached models.
     static = set(static_geoms(body).tolist())
     roots = dict.fromkeys(geom.getroottree().getroot() for geom in geoms)
-    found: list[Element] = []
+    pairs: list[Element] = []
     for pair in (pair for root in roots for pair in root.iterfind("contact/pair")):
         root, ends = pair.getroottree().getroot(), {pair.get("geom1"), pair.get("geom2")}
         # The main file names geoms as compiled; an attached model uses its own names.
@@ -142,8 +142,8 @@ def static_pairs(body: BodyDescription) -> tuple[Element, ...]:
             or (geom.get("name") in ends and geom.getroottree().getroot() is root)
         }
         if ids & static and ids & {geoms[geom] for geom in body.elements.colliding}:
-            found.append(pair)
-    return tuple(found)
+            pairs.append(pair)
+    return tuple(pairs)
 
 
 def surface_friction(surface: BodyDescription) -> float:
@@ -262,14 +262,14 @@ def hanging_force(body: BodyDescription) -> str:
     if joint < 0 or model.jnt_type[joint] != mujoco.mjtJoint.mjJNT_FREE:
         return ""
     # Compare forces on the free joint's translation with the weight.
-    moved = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 3)
+    dofs = slice(model.jnt_dofadr[joint], model.jnt_dofadr[joint] + 3)
     weight = mass_of(body) * float(np.linalg.norm(model.opt.gravity))
     if weight == 0.0:
         return "there is no gravity (<option gravity>)"
     if model.body_gravcomp[model.body(body.name).id]:
         return "gravcomp carries a part of its weight"
     data = mujoco.MjData(model)
-    friction = float(model.dof_frictionloss[moved].max())
+    friction = float(model.dof_frictionloss[dofs].max())
     # First at rest, standing and lifted, where springs pull. Then on the way up, where damping and joint
     # friction resist.
     height = model.jnt_qposadr[joint] + 2
@@ -279,16 +279,16 @@ def hanging_force(body: BodyDescription) -> str:
         (LIFT, LIFTING, friction, CANCELLING),
     ):
         data.qpos[height] = model.qpos0[height] + lift
-        data.qvel[moved] = (0.0, 0.0, speed)
+        data.qvel[dofs] = (0.0, 0.0, speed)
         mujoco.mj_forward(model, data)
-        others = data.qfrc_passive[moved] + data.qfrc_actuator[moved]
+        others = data.qfrc_passive[dofs] + data.qfrc_actuator[dofs]
         if np.linalg.norm(others) + resists > bound * weight:
             return (
                 "forces other than its weight act on it: a tendon, an actuator, its own joint's "
                 "stiffness, damping or friction, or a fluid"
             )
     # At LIFTING without rotation the bias force is gravity alone.
-    pull = -data.qfrc_bias[moved] - (0.0, 0.0, -weight)
+    pull = -data.qfrc_bias[dofs] - (0.0, 0.0, -weight)
     if np.linalg.norm(pull) > NEGLIGIBLE * weight:
         return "gravity is not vertical (<option gravity>, or its flag)"
     return ""

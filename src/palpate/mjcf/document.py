@@ -86,22 +86,22 @@ class Document:
     @property
     def worldbody(self) -> Element:
         """Return the (first) worldbody; an `InputError` if there is none."""
-        found = self.root.find("worldbody")
-        if found is None:
+        worldbody = self.root.find("worldbody")
+        if worldbody is None:
             raise InputError("the scene has no <worldbody>, so it is empty")
-        return found
+        return worldbody
 
     def attached(self) -> dict[Path, Document]:
         """Return all models that it attaches, directly or through others, by path."""
-        found: dict[Path, Document] = {}
+        models: dict[Path, Document] = {}
         pending = list(self.models.values())  # breadth first, each model once
         while pending:
             model = pending.pop(0)
             assert model.path is not None
-            if model.path not in found:
-                found[model.path] = model
+            if model.path not in models:
+                models[model.path] = model
                 pending += model.models.values()
-        return found
+        return models
 
 
 def read_text(path: Path) -> str:
@@ -177,10 +177,10 @@ def _refuse_dtd_and_depth(data: bytes, where: str) -> None:
 
 def compiler_settings(root: Element) -> dict[str, str]:
     """Return the compiler settings of a model; later elements overrule earlier ones."""
-    found: dict[str, str] = {}
+    settings: dict[str, str] = {}
     for compiler in root.iterfind("compiler"):
-        found.update({str(name): str(value) for name, value in compiler.items()})
-    return found
+        settings.update({str(name): str(value) for name, value in compiler.items()})
+    return settings
 
 
 def elements(root: Element) -> Iterator[Element]:
@@ -254,8 +254,8 @@ class Brought:
 
     def overlaps(self, other: Brought) -> bool:
         """Test if one contains the other, or both are the same."""
-        mine, its = self.content, other.content
-        return mine is its or mine in its.iterancestors() or its in mine.iterancestors()
+        own, its = self.content, other.content
+        return own is its or own in its.iterancestors() or its in own.iterancestors()
 
 
 def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
@@ -284,11 +284,11 @@ def prefix(through: Sequence[Element]) -> str:
 
 def attached_names(attach: Element, document: Document) -> set[str]:
     """Return the names in the scene of all elements of the model that an `<attach>` brings."""
-    found = brought(attach, document, ())
-    if found is None or found.is_own:
+    content = brought(attach, document, ())
+    if content is None or content.is_own:
         return set()
-    parts = elements(found.model.root)
-    return {found.prefix + name for part in parts if (name := part.get("name"))}
+    parts = elements(content.model.root)
+    return {content.prefix + name for part in parts if (name := part.get("name"))}
 
 
 def iter_ancestors(element: Element, through: Sequence[Element]) -> Iterator[Element]:

@@ -71,14 +71,14 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
     """Find the geoms that carry a missing mass: without mass and density, or with a `?` in one."""
     if body.elements.inertial is not None:
         return ()
-    found: list[Element] = []
+    geoms: list[Element] = []
     for geom in weighing_geoms(body):
         # A geom is open if it states neither mass nor density, or marks one with `?`.
         stated = tokens(body.defaults.attribute(geom, "mass"))
         stated += tokens(body.defaults.attribute(geom, "density"))
         if not stated or UNKNOWN in stated:
-            found.append(geom)
-    return tuple(found)
+            geoms.append(geom)
+    return tuple(geoms)
 
 
 def mass_is_open(body: BodyDescription) -> bool:
@@ -203,11 +203,11 @@ def written(
         InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
     """
     # A mass alone needs no `<inertial>`.
-    mine = _Together(stated)
-    if mine.com is not None or mine.inertia is not None:
-        yield from _inertial(body, mine, _Together(known))
-    elif mine.mass is not None:
-        yield from _mass(body, mine.mass, mine.mass_std)
+    measured = _Together(stated)
+    if measured.com is not None or measured.inertia is not None:
+        yield from _inertial(body, measured, _Together(known))
+    elif measured.mass is not None:
+        yield from _mass(body, measured.mass, measured.mass_std)
 
 
 class _Together:
@@ -230,13 +230,13 @@ class _Together:
 
 
 def _mass(body: BodyDescription, mass: float, std: float | None) -> Iterator[Edit]:
-    beside = mass_beside(body)
+    others_mass = mass_beside(body)
     # The open part of the mass is the difference from the stated parts.
-    own = mass - beside
+    own = mass - others_mass
     if own <= 0:
         least = "it must be above zero"
-        if beside != 0.0:
-            least = f"the parts with a stated mass weigh {beside:.6g} kg"
+        if others_mass != 0.0:
+            least = f"the parts with a stated mass weigh {others_mass:.6g} kg"
         raise InputError(f"a mass of {mass:.6g} kg for '{body.name}' cannot be written; {least}")
     if body.elements.inertial is not None:
         yield Edit(body.elements.inertial, "mass", {0: number(own, std)})
@@ -272,22 +272,24 @@ def _weights(body: BodyDescription) -> dict[Element, float]:
     return {geom: weight for geom, weight in stated.items() if weight > 0.0}
 
 
-def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Iterator[Change]:
+def _inertial(body: BodyDescription, measured: _Together, known: _Together) -> Iterator[Change]:
     """Yield the changes that make or complete an `<inertial>`."""
     if body.elements.parts:
         raise InputError(
             f"'{body.name}' has several bodies; MJCF has no single place for its centre of mass"
         )
     # Mass and centre of mass: new values, else known ones, else those of the compiled model.
-    mass = known.mass if mine.mass is None else mine.mass
+    mass = known.mass if measured.mass is None else measured.mass
     if mass is None and mass_is_open(body):
         raise InputError(f"the centre of mass of '{body.name}' cannot be written without its mass")
     if mass is None:
         mass = mass_of(body)
-    com = np.array(mine.com or known.com or com_of(body))
-    tensor = tensor_about(body, mass, com) if mine.inertia is None else tensor_of(mine.inertia)
-    pos = _format_numbers(com.tolist(), mine.com_std)
-    mass_text = number(mass, mine.mass_std)
+    com = np.array(measured.com or known.com or com_of(body))
+    tensor = (
+        tensor_about(body, mass, com) if measured.inertia is None else tensor_of(measured.inertia)
+    )
+    pos = _format_numbers(com.tolist(), measured.com_std)
+    mass_text = number(mass, measured.mass_std)
     inertial = body.elements.inertial
     # A new `<inertial>` states all three values.
     if inertial is None:
@@ -306,12 +308,12 @@ def _inertial(body: BodyDescription, mine: _Together, known: _Together) -> Itera
                     yield Edit(geom, attribute, {0: number(mass / len(geoms))})
         return
     # An existing `<inertial>` gets only the new or open values.
-    if mine.com is not None:
+    if measured.com is not None:
         yield Edit(inertial, "pos", unknown_only(inertial, "pos", pos), "? ? ?")
-    if mine.mass is not None:
+    if measured.mass is not None:
         yield Edit(inertial, "mass", {0: mass_text})
-    if inertia_is_open(inertial) or mine.inertia is not None:
-        yield from _moments(body, inertial, tensor, is_measured=mine.inertia is not None)
+    if inertia_is_open(inertial) or measured.inertia is not None:
+        yield from _moments(body, inertial, tensor, is_measured=measured.inertia is not None)
 
 
 def _moments(

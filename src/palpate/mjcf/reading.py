@@ -124,20 +124,20 @@ class _Reader:
             raise InputError(f"{where} is not MJCF: its root is <{root.tag}>, not <mujoco>")
         # Expand the includes, then find and check the assets.
         includes = self._expand_includes(root, where)
-        found = list(includes.values())
-        self._check_assets(root, where, found)
+        files = list(includes.values())
+        self._check_assets(root, where, files)
         for element in elements(root):
             for attribute in COUNTS.keys() & set(element.keys()):
                 element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
         # The root folder holds the scene and all files found.
-        common_root = None if self.start is None else reduce(common, found, self.start)
+        common_root = None if self.start is None else reduce(common, files, self.start)
         return Document(
             text=text,
             root=root,
             index=self.index,
             folder=self.folder,
             home=self.home or common_root,
-            files=tuple(dict.fromkeys(found)),
+            files=tuple(dict.fromkeys(files)),
             includes=includes,
             beside=self.beside,
             texts=self.texts,
@@ -166,14 +166,14 @@ class _Reader:
 
     def _expand_includes(self, root: Element, where: str) -> dict[str, Path]:
         """Expand each `<include>` in place; return the files by their names in it."""
-        found: dict[str, Path] = {}
+        paths: dict[str, Path] = {}
         while (include := root.find(".//include")) is not None:
             name = include.get("file") or ""
             path = self._file(name, include, where)
-            if path in found.values():
+            if path in paths.values():
                 raise InputError(f"{where}: {label(include)} includes {path.name} a second time")
-            found[name] = path
-            if len(found) > MAX_INCLUDES:
+            paths[name] = path
+            if len(paths) > MAX_INCLUDES:
                 raise InputError(f"{where} includes more than {MAX_INCLUDES} files")
             text = self.given[path] if path in self.given else read_text(path)
             self.texts[path] = text
@@ -182,9 +182,9 @@ class _Reader:
             # Includes in the included file are relative to its own folder.
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
-        return found
+        return paths
 
-    def _check_assets(self, root: Element, where: str, found: list[Path]) -> None:
+    def _check_assets(self, root: Element, where: str, files: list[Path]) -> None:
         """Find all named files, and read the attached models."""
         # Each attribute that names a file, in document order.
         settings = compiler_settings(root)
@@ -195,7 +195,7 @@ class _Reader:
                     continue
                 located = _locate_file(name, element, settings)
                 path = self._file(located, element, where, name)
-                found.append(path)
+                files.append(path)
                 self.named.append(Named(element, attribute, name, located, path, self.path))
                 is_there = _exists(self.folder, located)
                 if element.tag in _READ_AT_ONCE or not is_there:
@@ -205,7 +205,7 @@ class _Reader:
                     self.beside[name] = os.path.relpath(path, self.folder)
                 if element.tag == "model":
                     model = self._read_attachment(path, where)
-                    found.extend(model.files)
+                    files.extend(model.files)
                     called = element.get("name") or model.root.get("model") or path.stem
                     self.attachable[called] = model
                     continue
@@ -223,9 +223,9 @@ class _Reader:
         # MuJoCo looks first in the scene's folder, then in that of the included file.
         origin = self.origins.get(element)
         if origin is not None and not _exists(self.folder, name):
-            beside = bare or name
-            if _exists(origin, beside):
-                name = str(origin / beside)
+            located = bare or name
+            if _exists(origin, located):
+                name = str(origin / located)
         what = f"{where}: {label(element)} names the file '{name[:200]}'"
         if self.folder is None or self.start is None:
             raise InputError(f"{what}, but a scene from text has no folder")

@@ -89,12 +89,12 @@ def driven(root: Element) -> frozenset[str]:
     def referenced_names(element: Element, *attributes: str) -> set[str]:
         return {str(value) for key, value in element.items() if key in attributes}
 
-    found: set[str] = set()
+    names: set[str] = set()
     tendons: set[str] = set()
     # Transmissions of the actuators, and the tendons that they drive.
     for section in root.iterfind("actuator"):
         for actuator in children(section):
-            found |= referenced_names(
+            names |= referenced_names(
                 actuator, "joint", "jointinparent", "site", "body", "cranksite"
             )
             tendons |= referenced_names(actuator, "tendon")
@@ -103,8 +103,8 @@ def driven(root: Element) -> frozenset[str]:
         for tendon in children(section):
             if tendon.get("name") in tendons:
                 for part in children(tendon):
-                    found |= referenced_names(part, "joint", "site")
-    return frozenset(found)
+                    names |= referenced_names(part, "joint", "site")
+    return frozenset(names)
 
 
 # Roles of a document's elements: objects, surfaces, fixtures and robots.
@@ -180,12 +180,12 @@ def find_roles(document: Document) -> Roles:
     """
     # Defaults of all models, and evidence for the robots of the main one.
     attached = [model.root for model in document.attached().values()]
-    found = Roles(document.root, Defaults(document.root, *attached))
-    robots = Robots(document.robots, driven(document.root), found.defaults)
+    roles = Roles(document.root, Defaults(document.root, *attached))
+    robots = Robots(document.robots, driven(document.root), roles.defaults)
     for world in document.root.iterfind("worldbody"):
-        _walk(world, found, _Model(document, robots), world=True)
-    _require_named_robots(document, found)
-    return found
+        _walk(world, roles, _Model(document, robots), world=True)
+    _require_named_robots(document, roles)
+    return roles
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -213,90 +213,90 @@ class _Model:
         return _Model(part.model, robots, part.through)
 
 
-def _walk(parent: Element, found: Roles, model: _Model, world: bool) -> None:
+def _walk(parent: Element, roles: Roles, model: _Model, world: bool) -> None:
     """Sort the children of an element; `world` is True if they are fixed in the world without a named body."""
     for child in children(parent):
         if child.tag in TRANSPARENT:
-            _walk(child, found, model, world)
+            _walk(child, roles, model, world)
         elif child.tag == "geom" and world:
             # Most models include a plane without a name as the ground; the first of them is the floor.
-            is_plane = found.defaults.attribute(child, "type") == "plane"
-            if child.get("name") or (is_plane and FLOOR not in found.bodies):
-                _add_surface(child, (child,), found, model)
+            is_plane = roles.defaults.attribute(child, "type") == "plane"
+            if child.get("name") or (is_plane and FLOOR not in roles.bodies):
+                _add_surface(child, (child,), roles, model)
         elif child.tag == "body":
-            _sort_body(child, found, model)
+            _sort_body(child, roles, model)
         # Attached content is a robot, a copy of present content, or new content.
         elif child.tag == ATTACH and (part := model.bringing(child)) is not None:
             if _holds_robot(part, model):
-                found.robots.append(child)
-            elif _is_there(part, found):
-                found.copied.append(child)
+                roles.robots.append(child)
+            elif _is_there(part, roles):
+                roles.copied.append(child)
             else:
-                found.brought.append(part)
+                roles.brought.append(part)
                 if part.content.tag == "body":
-                    _sort_body(part.content, found, model.inside(part))
+                    _sort_body(part.content, roles, model.inside(part))
                 else:
-                    _walk(part.content, found, model.inside(part), world)
+                    _walk(part.content, roles, model.inside(part), world)
 
 
-def _sort_body(body: Element, found: Roles, model: _Model) -> None:
+def _sort_body(body: Element, roles: Roles, model: _Model) -> None:
     if model.robots.is_robot_root(body):
-        found.robots.append(body)
-    elif is_free(body, found.defaults):
+        roles.robots.append(body)
+    elif is_free(body, roles.defaults):
         # A value can be written only if one element becomes one part of the scene.
-        if _has_copies(body, found, model):
-            found.replicated.append(body)
+        if _has_copies(body, roles, model):
+            roles.replicated.append(body)
         else:
-            _add_object(body, found, model)
+            _add_object(body, roles, model)
     elif not has_joint(body):  # fixed in the world: it may carry objects
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(
                 body,
                 tuple(child for child in through_frames(body) if child.tag == "geom"),
-                found,
+                roles,
                 model,
             )
-        _walk(body, found, model, world=not body.get("name"))
-    elif body.get("name") and (joint := hinged_by(body, found.defaults)) is not None:
-        _add_fixture(body, joint, found, model)
+        _walk(body, roles, model, world=not body.get("name"))
+    elif body.get("name") and (joint := hinged_by(body, roles.defaults)) is not None:
+        _add_fixture(body, joint, roles, model)
     else:
-        found.ignored.append(body)
+        roles.ignored.append(body)
 
 
-def _add_object(body: Element, found: Roles, model: _Model) -> None:
+def _add_object(body: Element, roles: Roles, model: _Model) -> None:
     # Geoms and bodies of the object, including attached content.
-    all_parts = list(_parts(body, found, model))
+    all_parts = list(_parts(body, roles, model))
     geoms = tuple(part for part in all_parts if part.tag == "geom")
-    if _is_untouchable(body, geoms, found):
+    if _is_untouchable(body, geoms, roles):
         return
-    own = body.get("name") or _name_body(body, geoms[0], found, model)
+    own = body.get("name") or _name_body(body, geoms[0], roles, model)
     parts = tuple(part for part in all_parts if part.tag == "body" and part is not body)
-    _register("object", body, own, geoms, found, model, parts=parts)
+    _register("object", body, own, geoms, roles, model, parts=parts)
 
 
-def _add_surface(element: Element, geoms: tuple[Element, ...], found: Roles, model: _Model) -> None:
+def _add_surface(element: Element, geoms: tuple[Element, ...], roles: Roles, model: _Model) -> None:
     # Only geoms that can collide make a surface.
-    tops = carrying(element, colliding(geoms, found.defaults), found.defaults)
+    tops = carrying(element, colliding(geoms, roles.defaults), roles.defaults)
     if tops:
-        _register("surface", element, element.get("name") or FLOOR, tops, found, model)
+        _register("surface", element, element.get("name") or FLOOR, tops, roles, model)
 
 
-def _add_fixture(body: Element, joint: Element, found: Roles, model: _Model) -> None:
+def _add_fixture(body: Element, joint: Element, roles: Roles, model: _Model) -> None:
     # Fixtures of attached models are not supported.
     geoms = tuple(body.iter("geom"))
-    if not geoms or body.getroottree().getroot() is not found.root:
-        found.ignored.append(body)
+    if not geoms or body.getroottree().getroot() is not roles.root:
+        roles.ignored.append(body)
         return
-    if not _is_untouchable(body, geoms, found):
-        _register("fixture", body, body.get("name", ""), geoms, found, model, joint=joint)
+    if not _is_untouchable(body, geoms, roles):
+        _register("fixture", body, body.get("name", ""), geoms, roles, model, joint=joint)
 
 
-def _is_untouchable(body: Element, geoms: tuple[Element, ...], found: Roles) -> bool:
+def _is_untouchable(body: Element, geoms: tuple[Element, ...], roles: Roles) -> bool:
     """Test if a hand cannot touch a body, and record the reason."""
-    if any(meets_hand(geom, found.defaults) for geom in geoms):
+    if any(meets_hand(geom, roles.defaults) for geom in geoms):
         return False
     masks = "no geom of it collides with the hand: give one contype and conaffinity 1, the default"
-    found.untouchable[body] = masks if geoms else "it has no geom"
+    roles.untouchable[body] = masks if geoms else "it has no geom"
     return True
 
 
@@ -305,58 +305,58 @@ def _register(
     element: Element,
     own: str,
     geoms: tuple[Element, ...],
-    found: Roles,
+    roles: Roles,
     model: _Model,
     parts: tuple[Element, ...] = (),
     joint: Element | None = None,
 ) -> None:
     """Add a body, called `own` in its model, under its compiled name."""
     name = compiled_name(element, own, model.through)
-    if name in found.bodies:
+    if name in roles.bodies:
         raise InputError(
             f"two bodies are called '{name[:80]}' ({label(element)} is the second); give each its own name"
         )
-    found.bodies[name] = Elements(
+    roles.bodies[name] = Elements(
         name,
         role,
         element,
         geoms,
-        colliding(geoms, found.defaults),
+        colliding(geoms, roles.defaults),
         None if role == "surface" else inertial_of(element),
-        found.defaults,
+        roles.defaults,
         parts,
         model.through,
         joint,
     )
 
 
-def _parts(body: Element, found: Roles, model: _Model) -> Iterator[Element]:
+def _parts(body: Element, roles: Roles, model: _Model) -> Iterator[Element]:
     """Yield an object's elements, including those that it attaches."""
     for element in elements(body):
         yield element
         part = model.bringing(element) if element.tag == ATTACH else None
         if part is not None:
-            found.brought.append(part)
-            yield from _parts(part.content, found, model.inside(part))
+            roles.brought.append(part)
+            yield from _parts(part.content, roles, model.inside(part))
 
 
-def _name_body(body: Element, geom: Element, found: Roles, model: _Model) -> str:
+def _name_body(body: Element, geom: Element, roles: Roles, model: _Model) -> str:
     """Name a body after its geom, mesh or shape, also in the tree, so that compiled models have the name."""
     # The name is that of the geom, of its mesh, or of its shape, with a number if it is taken.
-    shape = found.defaults.attribute(geom, "type") or "sphere"
-    stem = geom.get("name") or found.defaults.attribute(geom, "mesh") or shape
+    shape = roles.defaults.attribute(geom, "type") or "sphere"
+    stem = geom.get("name") or roles.defaults.attribute(geom, "mesh") or shape
     taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
     name, count = stem, 1
-    while name in taken or prefix(model.through) + name in found.bodies:
+    while name in taken or prefix(model.through) + name in roles.bodies:
         count += 1
         name = f"{stem}_{count}"
     body.set("name", name)
     return name
 
 
-def _is_there(part: Brought, found: Roles) -> bool:
+def _is_there(part: Brought, roles: Roles) -> bool:
     """Test if an attached part shares elements with another part of the scene."""
-    return part.is_own or any(part.overlaps(other) for other in found.brought)
+    return part.is_own or any(part.overlaps(other) for other in roles.brought)
 
 
 def _holds_robot(part: Brought, model: _Model) -> bool:
@@ -375,7 +375,7 @@ def _holds_robot(part: Brought, model: _Model) -> bool:
     return False
 
 
-def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
+def _has_copies(body: Element, roles: Roles, model: _Model) -> bool:
     """Test if one element of a body becomes several parts of the scene."""
     if body.find(".//replicate") is not None:
         return True
@@ -384,7 +384,7 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
     seen: list[Brought] = []
     while pending:
         part, outer = pending.pop()
-        if _is_there(part, found) or any(part.overlaps(other) for other in seen):
+        if _is_there(part, roles) or any(part.overlaps(other) for other in seen):
             return True
         seen.append(part)
         inside = outer.inside(part)
@@ -392,17 +392,17 @@ def _has_copies(body: Element, found: Roles, model: _Model) -> bool:
     return False
 
 
-def _require_named_robots(document: Document, found: Roles) -> None:
+def _require_named_robots(document: Document, roles: Roles) -> None:
     """Require that each robot named by the user is in the scene."""
     # Names of the robots found, and of the other bodies, which are valid choices.
     names = {NOBODY}
-    for robot in found.robots:
+    for robot in roles.robots:
         part = brought(robot, document, ()) if robot.tag == ATTACH else None
         if part is None:
             names.add(robot.get("name", ""))
         else:
             names |= {part.prefix + body.get("name", "") for body in part.content.iter("body")}
-    others = [*found.ignored, *found.untouchable, *(body.element for body in found.bodies.values())]
+    others = [*roles.ignored, *roles.untouchable, *(body.element for body in roles.bodies.values())]
     valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
     for name in document.robots:
         if name not in names:

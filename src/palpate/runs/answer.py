@@ -205,12 +205,12 @@ def _stated_objects(run: Run, quantity: str, asked: _Comparison) -> list[_Side]:
     """Objects named in the request whose value the scene states."""
     # Measured values take precedence over stated ones.
     measured = {estimate.parameter.object for estimate in run.estimates}
-    found: list[_Side] = []
+    sides: list[_Side] = []
     for name, body in run.scene.bodies.items():
         known = body.known.get(quantity)
         if known is not None and name not in measured and name in asked.places:
-            found.append(_Side(name, known[0]))
-    return found
+            sides.append(_Side(name, known[0]))
+    return sides
 
 
 def _subject(compared: Sequence[_Side], asked: _Comparison) -> str | None:
@@ -245,7 +245,7 @@ def _chance(first: _Side, second: _Side) -> float:
 
     p = erfc(d / (σ √2)) / 2, with the difference d and its standard deviation σ.
     """
-    apart, std = abs(first.value - second.value), _std(first, second)
+    difference, std = abs(first.value - second.value), _std(first, second)
     if std == 0.0:
-        return 0.0 if apart > 0.0 else 0.5
-    return 0.5 * math.erfc(apart / (std * math.sqrt(2.0)))
+        return 0.0 if difference > 0.0 else 0.5
+    return 0.5 * math.erfc(difference / (std * math.sqrt(2.0)))

@@ -284,10 +284,10 @@ def load_settings(given: Settings, text: str | None = None) -> Scene:
     robots = given.robot_body
     if text is not None:
         poses = read_poses(given.poses) if given.poses else None
-        found = parse_scene(text, poses=poses, arm=arm, robot_body=robots)
+        scene = parse_scene(text, poses=poses, arm=arm, robot_body=robots)
     else:
-        found = given.read_scene(arm)
-    return Scene(**contents_of(found, InnerScene), given=given)
+        scene = given.read_scene(arm)
+    return Scene(**contents_of(scene, InnerScene), given=given)
 
 
 # A run of all stages in one call, from a scene or from settings.
@@ -355,24 +355,24 @@ def run(
     """
     # Distribute the options over the verbs.
     of_load, of_run = _those_of(load, options), _those_of(Plan.run, options)
-    found = load(scene, **of_load) if isinstance(scene, str | Path) else scene
+    loaded = load(scene, **of_load) if isinstance(scene, str | Path) else scene
     names = [field.name for field in fields(Settings)]
     stated: dict[str, Any] = {n: v for n, v in options.items() if n in names and v is not None}
-    if found is not None:
+    if loaded is not None:
         stated = {name: value for name, value in stated.items() if name not in of_load}
     if not is_file(stated.get("world")):
         stated.pop("world", None)  # MJCF text, or a scene: `Plan.run` reads it
-    given = Settings() if found is None else found.given
+    given = Settings() if loaded is None else loaded.given
     asked = given.having(request=request, planner=planner_name(planner), **stated)
     # Check everything before the plan: a model's answer costs money.
-    asked = asked.check_values(at_hand=found is not None)
+    asked = asked.check_values(at_hand=loaded is not None)
     if options.get("cell") is None:
         pipeline.preflight(asked)
     # Read the world once: the camera may look at the world in which the robot then moves.
     of_run["world"] = hidden_world(options.get("world"), asked)
     run = pipeline.prepare(
         asked,
-        found,
+        loaded,
         RunCallbacks(progress=options.get("progress", ignore)),
         None if isinstance(planner, str) else planner,
         of_run["world"],

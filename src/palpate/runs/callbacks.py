@@ -69,9 +69,9 @@ SILENT = RunCallbacks()  # Callbacks that show nothing and ask nothing
 
 
 def _unfailing(tell: Callable[[T], None]) -> Callable[[T], None]:
-    def call(what: T) -> None:
+    def call(message: T) -> None:
         # Printing to a closed pipe may raise SystemExit (rich does).
         with suppress(Exception, SystemExit):
-            tell(what)
+            tell(message)
 
     return call

@@ -69,24 +69,24 @@ class Comparison(ByParameter[tuple[ComparedEstimate, ...]]):
         return table(repr(self), COLUMNS, self._cells())
 
     def _cells(self) -> list[tuple[str, ...]]:
-        found: list[tuple[str, ...]] = []
+        cells: list[tuple[str, ...]] = []
         for row in (row for rows in self.rows.values() for row in rows):
             if row.estimate is not None:
                 # Row of the table; the first run of a parameter has no difference.
                 name, value, _, verdict = row.estimate.cells()
-                apart = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
-                found.append((name, row.run, value, apart, verdict))
-        return found
+                deviations = "" if row.z is None else ", ".join(f"{z:+.1f}" for z in row.z.tolist())
+                cells.append((name, row.run, value, deviations, verdict))
+        return cells
 
     def _list_parameters(self) -> str:
         """List the parameters with their largest difference from the first run."""
-        said: list[str] = []
+        items: list[str] = []
         for parameter, rows in self.rows.items():
             # Largest difference over all runs and components.
-            apart = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
-            far = f" {max(apart):.1f} std apart" if apart else ""
-            said.append(f"{parameter}{far}")
-        return ", ".join(said) or "nothing"
+            deviations = [float(np.abs(row.z).max()) for row in rows if row.z is not None]
+            far = f" {max(deviations):.1f} std apart" if deviations else ""
+            items.append(f"{parameter}{far}")
+        return ", ".join(items) or "nothing"
 
 
 def compare_runs(runs: Sequence[Run]) -> Comparison:
@@ -102,9 +102,9 @@ def compare_runs(runs: Sequence[Run]) -> Comparison:
     remarks = [f"{same}: they cannot differ" for same in shared_recordings(runs, names)]
     one_scene = True
     for name, run in zip(names[1:], runs[1:], strict=True):
-        apart = list(differences(runs[0], run))
-        if apart:
-            remarks.append(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+        differing = list(differences(runs[0], run))
+        if differing:
+            remarks.append(f"{names[0]} and {name} are not of one scene: {'; '.join(differing)}")
             one_scene = False
     # Compare the runs parameter by parameter.
     rows: dict[Parameter, tuple[ComparedEstimate, ...]] = {}
@@ -118,7 +118,7 @@ def _rows(
 ) -> Iterator[ComparedEstimate]:
     first: Source | None = None
     for name, run in zip(names, runs, strict=True):
-        estimate = {one.parameter: one for one in run.estimates}.get(parameter)
+        estimate = {e.parameter: e for e in run.estimates}.get(parameter)
         if estimate is None or not estimate.has_value:
             yield ComparedEstimate(name, estimate)
             continue
@@ -138,9 +138,9 @@ def _of_its_own_scene(source: Source) -> Source:
     """Rename the shared causes of a run of another scene: only those of the arm are common."""
     # Causes of the scene get the name of the run, so that they do not cancel.
     shared: list[Shared] = []
-    for one in source.estimate.shared:
-        cause = one.cause if one.of == "arm" else f"{one.cause} of {source.run}"
-        shared.append(replace(one, cause=cause))
+    for error in source.estimate.shared:
+        cause = error.cause if error.of == "arm" else f"{error.cause} of {source.run}"
+        shared.append(replace(error, cause=cause))
     return replace(source, estimate=replace(source.estimate, shared=tuple(shared)))
 
 

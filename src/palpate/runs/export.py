@@ -51,12 +51,12 @@ def export_run(run: Run, to: str, folder: Path | None = None, check: bool = Fals
     folder = folder or (run.folder or Path()) / f"export-{chosen}"
     with (
         writing(folder),
-        new_folder(folder) as made,
+        new_folder(folder) as new,
         tempfile.TemporaryDirectory() as scratch,
     ):
-        export = export_twin(run.finished, run.estimates, chosen, made, Path(scratch), check)
-        export = replace(export, file=folder / export.file.relative_to(made))
-        write_json(made / "export.json", export_json(run, export))
+        export = export_twin(run.finished, run.estimates, chosen, new, Path(scratch), check)
+        export = replace(export, file=folder / export.file.relative_to(new))
+        write_json(new / "export.json", export_json(run, export))
     return export
 
 
@@ -139,8 +139,8 @@ def load_data_of(run: Run, name: str | None = None) -> LoadData:
     Raises:
         InputError: No load, or several, were measured; or mass or centre of mass is not identified.
     """
-    found = {one.parameter: one for one in run.estimates}
-    loads = [one.object for one in found if one.quantity == "mass" and one.object != HAND]
+    estimates = {estimate.parameter: estimate for estimate in run.estimates}
+    loads = [p.object for p in estimates if p.quantity == "mass" and p.object != HAND]
     if name is not None and name not in loads:
         raise unknown_name("load", name, loads)
     if name is None and len(loads) != 1:
@@ -148,8 +148,8 @@ def load_data_of(run: Run, name: str | None = None) -> LoadData:
             f"load data need one load: object=NAME, of {', '.join(loads) or 'a run that weighed something'}"
         )
     chosen = name or loads[0]
-    mass, centre = (_require(found, chosen, quantity) for quantity in ("mass", "com"))
-    inertia = found.get(Parameter(chosen, "inertia"))
+    mass, centre = (_require(estimates, chosen, quantity) for quantity in ("mass", "com"))
+    inertia = estimates.get(Parameter(chosen, "inertia"))
     is_known = inertia is not None and inertia.identified and not inertia.unseen
     # Pose of the object's frame in the frame of the load data.
     pose, frame = _frame(run, chosen)
@@ -177,9 +177,9 @@ def load_data_of(run: Run, name: str | None = None) -> LoadData:
     return LoadData(chosen, frame, float(mass.values[0]), where, tensor, gravity, figures)
 
 
-def _require(found: dict[Parameter, Estimate], name: str, quantity: str) -> Estimate:
+def _require(estimates: dict[Parameter, Estimate], name: str, quantity: str) -> Estimate:
     """Return an identified estimate; raise InputError without one."""
-    estimate = found.get(Parameter(name, quantity))
+    estimate = estimates.get(Parameter(name, quantity))
     if estimate is None or not estimate.identified:
         verdict = "was not measured" if estimate is None else f"is {estimate.verdict}"
         raise InputError(
@@ -201,8 +201,8 @@ def _inertia_in_words(inertia: Estimate | None) -> str:
 def _frame(run: Run, name: str) -> tuple[Pose, Literal["flange", "sensor"]]:
     """Pose of the object's frame in the flange, or in the sensor that measured it."""
     trace = run.trace
-    held = [one for one in trace.recordings if one.context.holding == name]
-    in_tool = _pose_in_tool(run, name, held[0]) if held else Pose.of((0.0, 0.0, 0.0))
+    carried = [recording for recording in trace.recordings if recording.context.holding == name]
+    in_tool = _pose_in_tool(run, name, carried[0]) if carried else Pose.of((0.0, 0.0, 0.0))
     if trace.hand.wrench_sensor is not None and not trace.hand.joints:
         return in_tool, "sensor"
     return run.scene.arm.pose_flange_tcp @ in_tool, "flange"

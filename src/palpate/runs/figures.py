@@ -26,15 +26,15 @@ class ComponentText:
 def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
     """Format the components of an estimate; none without a value."""
     axes = axes_of(len(estimate.values))
-    found: list[ComponentText] = []
+    texts: list[ComponentText] = []
     for i, axis in enumerate(axes):
         # Round all numbers to the digits of the standard deviation.
         std = float(estimate.stds[i])
         value, spread = round_to_std(float(estimate.values[i]), std)
         limit = estimate.limit_in_words(i)
         low, high = (round_to_std(bound, std)[0] for bound in estimate.intervals[i].tolist())
-        found.append(ComponentText(axis, value, spread, low, high, estimate.verdicts[i], limit))
-    return tuple(found)
+        texts.append(ComponentText(axis, value, spread, low, high, estimate.verdicts[i], limit))
+    return tuple(texts)
 
 
 def in_a_line(estimate: Estimate) -> str:

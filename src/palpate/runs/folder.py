@@ -48,9 +48,9 @@ def check_writable(path: Path) -> None:
     it exists or cannot be made."""
     _check_free(path)
     # Write a file into the nearest existing parent.
-    there = next(parent for parent in path.absolute().parents if parent.exists())
+    folder = next(parent for parent in path.absolute().parents if parent.exists())
     with writing(path, ANOTHER):
-        trial = _scratch(there, path.name)
+        trial = _scratch(folder, path.name)
         try:
             (trial / "trial").write_bytes(b"trial")
         finally:
@@ -101,9 +101,9 @@ def new_folder(path: Path) -> Generator[Path]:
 def sweep(folder: Path) -> None:
     """Remove scratch folders of killed processes of this machine."""
     for entry in folder.iterdir():
-        found = _SCRATCH.fullmatch(entry.name)
+        match = _SCRATCH.fullmatch(entry.name)
         # Remove folders whose process has ended; other machines may share the disk.
-        if found and found[1] == _HOST and not _alive(int(found[2])):
+        if match and match[1] == _HOST and not _alive(int(match[2])):
             shutil.rmtree(entry, ignore_errors=True)
 
 
@@ -136,9 +136,9 @@ def _keep_scratch(scratch: Path, path: Path) -> Path:
     """Rename a scratch folder whose target was taken, so that `sweep` does not remove it."""
     # Find a free name with a number.
     for i in range(2, 100):
-        beside = path.with_name(f"{path.name}-{i}")
+        renamed = path.with_name(f"{path.name}-{i}")
         try:
-            return scratch.rename(beside)
+            return scratch.rename(renamed)
         except OSError:
             continue
     return scratch

@@ -71,8 +71,8 @@ class Fusion(Estimates):
         return table(f"<Fusion of {len(self.runs)} runs>", COLUMNS, rows)
 
     def __repr__(self) -> str:
-        said = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
-        return f"<Fusion of {len(self.runs)} runs: {said}>"
+        estimates = ", ".join(repr(estimate).strip("<>") for estimate in self.estimates)
+        return f"<Fusion of {len(self.runs)} runs: {estimates}>"
 
 
 def fuse_runs(runs: Sequence[Run]) -> Fusion:
@@ -87,24 +87,24 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     # Require runs of one scene with different recordings.
     names = names_of(runs)
     for name, run in zip(names[1:], runs[1:], strict=True):
-        apart = list(differences(runs[0], run))
-        if apart:
-            raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(apart)}")
+        differing = list(differences(runs[0], run))
+        if differing:
+            raise InputError(f"{names[0]} and {name} are not of one scene: {'; '.join(differing)}")
     if same := next(shared_recordings(runs, names), ""):
         raise InputError(f"{same}: a measurement is not counted twice")
     # Fuse each parameter over the runs that give evidence for it; list the other estimates.
     estimates: list[Estimate] = []
     left_out: list[str] = []
     for parameter in parameters_of(runs):
-        found = [
+        candidates = [
             Source(name, arm_of(run), run[parameter])
             for name, run in zip(names, runs, strict=True)
             if parameter in run
         ]
-        sources = [source for source in found if source.estimate.is_evidence]
-        left_out += [_left_out(source) for source in found if not source.estimate.is_evidence]
+        sources = [source for source in candidates if source.estimate.is_evidence]
+        left_out += [_left_out(source) for source in candidates if not source.estimate.is_evidence]
         # A prior is no evidence: without an identified estimate there is no fused value.
-        unknown = not_identified(parameter, found[0].estimate.unit, "No run identified it.")
+        unknown = not_identified(parameter, candidates[0].estimate.unit, "No run identified it.")
         fused = fuse(sources) if sources else unknown
         estimates.append(replace(fused, simulated=runs[0].simulated))
     twin = build_twin(runs[0].scene, estimates_to_write(runs[0], estimates))
@@ -113,9 +113,9 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
 
 def _left_out(source: Source) -> str:
     """Describe an estimate that is left out, with the reason."""
-    one = source.estimate
-    why = one.contradiction or one.doubt or one.method
-    return f"{one.parameter} of {source.run} is {one.verdict}: {why}"
+    estimate = source.estimate
+    why = estimate.contradiction or estimate.doubt or estimate.method
+    return f"{estimate.parameter} of {source.run} is {estimate.verdict}: {why}"
 
 
 def arm_of(run: Run) -> str:
@@ -169,43 +169,43 @@ def parameters_of(runs: Sequence[Run]) -> list[Parameter]:
     return list(dict.fromkeys(promised))
 
 
-def differences(one: Run, other: Run) -> Iterator[str]:
+def differences(first: Run, other: Run) -> Iterator[str]:
     """Describe the differences of the scenes and worlds of two runs."""
     # Same text and same poses mean the same scene.
-    if not one.scene.bodies or not other.scene.bodies:
+    if not first.scene.bodies or not other.scene.bodies:
         yield "the scene's file is gone"
         return
-    if one.scene.text != other.scene.text:
-        yield f"their MJCF differ ({_first_difference(one.scene.text, other.scene.text)})"
-    elif _places(one) != _places(other):
+    if first.scene.text != other.scene.text:
+        yield f"their MJCF differ ({_first_difference(first.scene.text, other.scene.text)})"
+    elif _places(first) != _places(other):
         yield "their poses differ"
-    if one.settings.arm != other.settings.arm:
-        yield f"their arms differ ({one.settings.arm}, {other.settings.arm})"
-    if one.simulated != other.simulated:
+    if first.settings.arm != other.settings.arm:
+        yield f"their arms differ ({first.settings.arm}, {other.settings.arm})"
+    if first.simulated != other.simulated:
         yield "one is simulated, one is not"
-    elif one.simulated:
-        yield from _other_world(one, other)
+    elif first.simulated:
+        yield from _other_world(first, other)
 
 
-def _other_world(one: Run, other: Run) -> Iterator[str]:
+def _other_world(first: Run, other: Run) -> Iterator[str]:
     """Describe the difference of two simulated worlds: another file, or another draw from the priors."""
-    worlds = [run.settings.world and run.settings.world.absolute() for run in (one, other)]
+    worlds = [run.settings.world and run.settings.world.absolute() for run in (first, other)]
     # Two draws are one world only with the same seed.
-    drawn = [run.world is not None and "drawn from priors" in run.world for run in (one, other)]
+    drawn = [run.world is not None and "drawn from priors" in run.world for run in (first, other)]
     if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
-        yield f"their worlds differ ({one.world}, {other.world})"
-    elif all(drawn) and one.settings.seed != other.settings.seed:
-        seeds = f"{one.settings.seed} and {other.settings.seed}"
+        yield f"their worlds differ ({first.world}, {other.world})"
+    elif all(drawn) and first.settings.seed != other.settings.seed:
+        seeds = f"{first.settings.seed} and {other.settings.seed}"
         yield f"their worlds were drawn from priors with seeds {seeds}: they are two worlds"
 
 
 def _places(run: Run) -> list[tuple[str, tuple[float, ...]]]:
-    found: list[tuple[str, tuple[float, ...]]] = []
+    places: list[tuple[str, tuple[float, ...]]] = []
     for body in run.scene.bodies.values():
         pose = body.pose_world
         numbers = np.round([*pose.position, *pose.quaternion], 9).tolist()
-        found.append((body.name, tuple(numbers)))
-    return found
+        places.append((body.name, tuple(numbers)))
+    return places
 
 
 def _first_difference(text: str, other: str) -> str:

@@ -155,7 +155,7 @@ def held_out(
     return HeldOut(tuple(motions), tuple(notes))
 
 
-def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, ...]:
+def with_tests(estimates: Sequence[Estimate], held_out: HeldOut) -> tuple[Estimate, ...]:
     """Add the tests on the held-out motions to the estimates.
 
     A mass is contradicted if it does not predict the weight in another motion. A centre of mass is
@@ -163,18 +163,18 @@ def with_tests(estimates: Sequence[Estimate], held: HeldOut) -> tuple[Estimate, 
     """
     # Find the test of each parameter.
     tests: dict[Parameter, FitTest] = {}
-    for motion in held.motions:
+    for motion in held_out.motions:
         for test in motion.tests:
             if test.name in JUDGED:
                 tests[Parameter(motion.object, JUDGED[test.name])] = test
     # Only identified values can be contradicted.
-    found: list[Estimate] = []
+    tested: list[Estimate] = []
     for estimate in estimates:
         test = tests.get(stated_parameter(estimate.parameter, catalogue()))
         if test is not None and estimate.identified:
             estimate = replace(estimate, tests=(*estimate.tests, test))
-        found.append(estimate)
-    return tuple(found)
+        tested.append(estimate)
+    return tuple(tested)
 
 
 def usable(estimate: Estimate) -> bool:
@@ -186,8 +186,8 @@ def held_still(trace: Trace, name: str | None = None) -> Iterator[Recording]:
     """Yield the recordings of forces while an object, or the one called `name`, was held still in the air."""
     for recording in trace.recordings:
         context = recording.context
-        held = context.holding is not None and name in (None, context.holding)
-        if held and recording.buffer == FORCES and context.activity == "still":
+        is_carried = context.holding is not None and name in (None, context.holding)
+        if is_carried and recording.buffer == FORCES and context.activity == "still":
             yield recording
 
 
@@ -251,13 +251,13 @@ def judge(
     motion = [s for s in along.segments if s.loaded and cut.start <= s.start and s.end <= cut.end]
     lever = lever_of(scene, trace, name, cut.recording, again.get("com"))
     wrench = wrench_of(mass, lever, trace.gravity)
-    found = predict_segments(along, motion, wrench, trace.gravity, trace.hand)
-    if found is None:
+    predicted = predict_segments(along, motion, wrench, trace.gravity, trace.hand)
+    if predicted is None:
         return "nothing was recorded of the empty hand along the motion that could be held out"
     # Predict the same load with the mass of the prior, for comparison.
     believed = scene.priors.get(Parameter(name, "mass"), tuple(mass.value.tolist()))
-    guess = found.instead(wrench.value * believed[0] / float(mass.value[0]))
-    return judged_motion(name, cut, found, guess, trace)
+    guess = predicted.instead(wrench.value * believed[0] / float(mass.value[0]))
+    return judged_motion(name, cut, predicted, guess, trace)
 
 
 def no_mass_reason(mass: Estimate | None, cut: HoldOut) -> str:
@@ -271,14 +271,14 @@ def no_mass_reason(mass: Estimate | None, cut: HoldOut) -> str:
 
 
 def judged_motion(
-    name: str, cut: HoldOut, found: Predicted, guess: Predicted, trace: Trace
+    name: str, cut: HoldOut, predicted: Predicted, guess: Predicted, trace: Trace
 ) -> HeldOutMotion:
     from scipy.special import fdtrc
 
     # Fit the wrench that the prediction lacks; the p-value is that of an F-test with the noise's
     # degrees of freedom.
-    more, covariance = found.missing_wrench()
-    dof, misfit = len(found.residual), found.misfit
+    more, covariance = predicted.missing_wrench()
+    dof, misfit = len(predicted.residual), predicted.misfit
     return HeldOutMotion(
         object=name,
         motion=cut.words,
@@ -286,34 +286,34 @@ def judged_motion(
         end=cut.end,
         chi2=misfit,
         dof=dof,
-        p=float(fdtrc(dof, found.freedom, misfit / dof)),
+        p=float(fdtrc(dof, predicted.freedom, misfit / dof)),
         chi2_template=guess.misfit,
-        rms=rms(found.residual),
+        rms=rms(predicted.residual),
         rms_template=rms(guess.residual),
         weight=float(more[0]) / trace.gravity,
         weight_std=float(np.sqrt(covariance[0, 0])) / trace.gravity,
-        tests=tuple(tests_of(name, found, more, covariance, trace.gravity)),
-        curve=curve_of(found, guess, trace),
+        tests=tuple(tests_of(name, predicted, more, covariance, trace.gravity)),
+        curve=curve_of(predicted, guess, trace),
     )
 
 
 def tests_of(
-    name: str, found: Predicted, more: Array, covariance: Array, gravity: float
+    name: str, predicted: Predicted, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
     """Test the wrench `more` (3,), N and N m, that the prediction lacks, and the whole residual.
 
     `covariance` (3, 3) is that of `more`, `gravity` is in m/s^2.
     """
-    held = "In a motion that was held out,"
+    lead = "In a motion that was held out,"
     # Weight: one degree of freedom.
     mass = float(more[0]) / gravity
-    way = "heavier" if mass > 0 else "lighter"
+    direction = "heavier" if mass > 0 else "lighter"
     yield chi_squared(
         WEIGHT,
         float(more[0] ** 2 / covariance[0, 0]),
         1,
-        f"{held} the {name} is {1e3 * abs(mass):.3g} g {way} than the twin predicts.",
-        found.freedom,
+        f"{lead} the {name} is {1e3 * abs(mass):.3g} g {direction} than the twin predicts.",
+        predicted.freedom,
     )
     # Balance: two horizontal moments.
     moment = float(np.hypot(more[1], more[2]))
@@ -321,34 +321,34 @@ def tests_of(
         BALANCE,
         float(more[1:] @ np.linalg.solve(covariance[1:, 1:], more[1:])),
         2,
-        f"{held} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
-        found.freedom,
+        f"{lead} the moment of the {name} is {moment:.2g} N·m off what the twin predicts.",
+        predicted.freedom,
     )
     # All torques: one degree of freedom a row.
     yield chi_squared(
         TORQUES,
-        found.misfit,
-        len(found.residual),
-        f"{held} {rms(found.residual):.2g} N·m (rms) of the joint torques are not explained.",
-        found.freedom,
+        predicted.misfit,
+        len(predicted.residual),
+        f"{lead} {rms(predicted.residual):.2g} N·m (rms) of the joint torques are not explained.",
+        predicted.freedom,
     )
 
 
-def curve_of(found: Predicted, guess: Predicted, trace: Trace) -> Curve:
+def curve_of(predicted: Predicted, guess: Predicted, trace: Trace) -> Curve:
     # Sort the bins by time: segments may overlap.
-    order = np.argsort(found.t)
-    std = np.sqrt(np.diag(found.covariance)).reshape(found.measured.shape)
+    order = np.argsort(predicted.t)
+    std = np.sqrt(np.diag(predicted.covariance)).reshape(predicted.measured.shape)
     # A robot with a wrench sensor has six signals instead of the joints.
     names = trace.hand.joints
-    if len(found.measured) != len(names):
+    if len(predicted.measured) != len(names):
         names = ("Fx", "Fy", "Fz", "Mx", "My", "Mz")
 
     # Five decimals suffice for the plot.
     def rows(values: Array) -> tuple[tuple[float, ...], ...]:
         return tuple(tuple(row) for row in values[:, order].round(5).tolist())
 
-    (times,) = rows(found.t[None])
-    parts = (found.measured, std, found.expected, guess.expected)
+    (times,) = rows(predicted.t[None])
+    parts = (predicted.measured, std, predicted.expected, guess.expected)
     return Curve(names, times, *map(rows, parts))
 
 

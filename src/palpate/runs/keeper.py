@@ -170,9 +170,9 @@ class Keeper:
         self.note_shortfall(f"{name} is damaged, and nothing can be made from it", error)
         self._lost[name] = None
 
-    def note_shortfall(self, what: str, error: Exception) -> None:
+    def note_shortfall(self, stage: str, error: Exception) -> None:
         """Note a failure and its reason, once."""
-        line = shortfall(what, error)
+        line = shortfall(stage, error)
         if line not in self._shortfalls:
             self._shortfalls.append(line)
 
@@ -197,7 +197,7 @@ class Keeper:
             shutil.rmtree(self.folder, ignore_errors=True)
 
 
-def shortfall(what: str, error: Exception) -> str:
+def shortfall(stage: str, error: Exception) -> str:
     """Format a failure and its reason in one line."""
     reason = getattr(error, "strerror", None) or f"{type(error).__name__}: {error}"
-    return f"{what}: {reason}".splitlines()[0]
+    return f"{stage}: {reason}".splitlines()[0]

@@ -111,8 +111,8 @@ def known_value(
         return None
     # Leave out causes that all grasps share: they act in the motion as well, and cancel. Keep
     # priors, and keep the weights of the links, which the motion of the empty hand contains.
-    apart = (BELIEVED, LINK)
-    common = tuple(part for part in estimate.shared if not part.cause.startswith(apart))
+    separate = (BELIEVED, LINK)
+    common = tuple(part for part in estimate.shared if not part.cause.startswith(separate))
     alike = replace(estimate, shared=common).shared_std
     own = np.sqrt(np.maximum(estimate.stds**2 - alike**2, 0.0))
     # Effects of the gains stay separate: they correlate the belief with the motion.

@@ -180,7 +180,7 @@ class _Worlds(Generic[World]):
 
     def prove_task(self, name: str, kinds: Sequence[type[Task[World]]]) -> Proved | None:
         """Plan and carry out the first of `kinds` that can be done in the twin, in the first possible direction."""
-        for task in (kind(way) for kind in kinds for way in kind.ways):
+        for task in (kind(variant) for kind in kinds for variant in kind.ways):
             action = task.plan(self.twin)
             if action is not None:
                 return self._carried_out(name, task, action)
@@ -218,16 +218,16 @@ def _acts_on(scene: Scene, name: str, values: Values) -> bool:
 def spread_of(estimates: Sequence[Estimate], values: Values) -> dict[Parameter, Array]:
     """Standard deviations (n,) of each written value. The value may be a part of the estimate of another quantity."""
     # Own estimates first, then parts of the estimates of other quantities.
-    found = {each.parameter: each.stds for each in estimates}
-    for parameter in values.keys() - found.keys():
+    stds = {each.parameter: each.stds for each in estimates}
+    for parameter in values.keys() - stds.keys():
         names = part_names(parameter.quantity, len(values[parameter]))
         parts = next(
             each.parts
             for each in estimates
             if each.parameter.object == parameter.object and names[0] in each.parts
         )
-        found[parameter] = np.array([parts[name].std for name in names])
-    return found
+        stds[parameter] = np.array([parts[name].std for name in names])
+    return stds
 
 
 def drawn_worlds(

@@ -112,7 +112,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
     scene, seen = _find_scene(folder, settings, proposal.scene)
     estimates = tuple(estimate_from(row) for row in result["parameters"])
     # A complete run without execution had nothing to measure.
-    plan, done, said = proposal.plan, result["execution"], folder / "conversation.json"
+    plan, done, conversation = proposal.plan, result["execution"], folder / "conversation.json"
     rehearsed = result["rehearsal"]
     if plan.tree is None and result["status"] == "complete" and done is None:
         plan = replace(plan, declared="nothing_missing")
@@ -121,7 +121,7 @@ def _run(folder: Path, settings: Settings, result: dict[str, Any]) -> Run:
         scene,
         plan,
         tuple(Finding(**finding) for finding in result["plan"]["findings"]),
-        conversation=read_conversation(said) if said.exists() else None,
+        conversation=read_conversation(conversation) if conversation.exists() else None,
         seen=seen,
         rehearsal=None if rehearsed is None else Rehearsal(**rehearsed),
         world=result["provenance"]["world"],
@@ -191,8 +191,8 @@ def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
 
 def _tests(rows: Sequence[Mapping[str, Any]]) -> tuple[FitTest, ...]:
     """Read tests of fit; null means a statistic that is not a number."""
-    found = [{**row, "statistic": _or(row["statistic"], math.nan)} for row in rows]
-    return _adapter(tuple[FitTest, ...]).validate_python(found)
+    complete = [{**row, "statistic": _or(row["statistic"], math.nan)} for row in rows]
+    return _adapter(tuple[FitTest, ...]).validate_python(complete)
 
 
 def _or(number: float | None, default: float) -> float:
@@ -226,11 +226,11 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
 
 def belief_from(row: Mapping[str, Any]) -> Belief:
     """Read the output of `belief_json`."""
-    sight, both, stood = row["sight"], row["both"], row["stood"]
+    sight, both, before = row["sight"], row["both"], row["stood"]
     return Belief(
         Pose.of(sight["pos"], sight["quat"]),
         _numbers(sight["covariance"]),
-        Pose.of(stood["pos"], stood["quat"]),
+        Pose.of(before["pos"], before["quat"]),
         Pose.of(both["pos"], both["quat"]),
         _numbers(both["covariance"]),
         _adapter(tuple[BeliefTouch, ...]).validate_python(row["touch"]),
@@ -239,12 +239,12 @@ def belief_from(row: Mapping[str, Any]) -> Belief:
 
 def _truth(rows: Sequence[Mapping[str, Any]]) -> dict[Parameter, tuple[float, ...]]:
     """Read the true values of a simulated world, if the run holds them."""
-    found: dict[Parameter, tuple[float, ...]] = {}
+    truth: dict[Parameter, tuple[float, ...]] = {}
     for row in rows:
         true = _numbers(row.get("true_value")).reshape(-1).tolist()
         if true:
-            found[Parameter(row["object"], row["quantity"])] = tuple(true)
-    return found
+            truth[Parameter(row["object"], row["quantity"])] = tuple(true)
+    return truth
 
 
 def _unseen(row: Mapping[str, Any]) -> tuple[int, ...]:

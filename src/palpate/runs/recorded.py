@@ -70,7 +70,7 @@ def estimate_recording(
             )
     # Read the recordings, and require that they are possible for the arm.
     callbacks.progress("reading the recording")
-    logs = [read_recording(one, columns, arm) for one in (file, empty) if one]
+    logs = [read_recording(item, columns, arm) for item in (file, empty) if item]
     for log in logs:
         if isinstance(log, ArmLog):
             require_joint_torques(arm)
@@ -88,12 +88,12 @@ def estimate_recording(
         parameters.append(Parameter(HAND, "mass"))
     twin = "gets the measured value" if settings.remeasure else "keeps it, without --remeasure"
     stated, _ = split_known(parameters, scene, remeasure=False)
-    notes += [f"{stated_clause(one, scene)}; the twin {twin}." for one in stated]
+    notes += [f"{stated_clause(item, scene)}; the twin {twin}." for item in stated]
     trace = _trace(logs, carrying, parameters, arm, scene)
     callbacks.progress("estimating")
     bodies = scene.bodies
     # Request only the masses: the other quantities are by-products, if the motion excites them.
-    asked = tuple(one for one in parameters if one.quantity == "mass")
+    asked = tuple(item for item in parameters if item.quantity == "mass")
     reading = _explain_reading(f"{file.name}, {len(logs[0])} samples", carrying, empty)
     plan = Plan(asked, None, reading, RECORDING, tuple(notes))
     # Make a run as if the plan had been executed: estimates, twin and report are the same.

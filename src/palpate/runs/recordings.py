@@ -155,8 +155,8 @@ def dynamics(
     described = load_description(str(arm))
     require_joint_torques(described)
     log = log_of(log, columns)
-    found = identify(log, described, hand)
-    return ArmDynamics(**contents_of(found, InnerDynamics))
+    fit = identify(log, described, hand)
+    return ArmDynamics(**contents_of(fit, InnerDynamics))
 
 
 # Noise of an arm, from a recording of it.
@@ -236,8 +236,8 @@ def noise(
     described = load_description(str(arm))
     require_joint_torques(described)
     log = log_of(log, columns)
-    found = statistics(log, described)
-    return ArmNoise(log.source, float(log.t[-1] - log.t[0]), found, described, log.notes)
+    figures = statistics(log, described)
+    return ArmNoise(log.source, float(log.t[-1] - log.t[0]), figures, described, log.notes)
 
 
 # A look at the workspace.

@@ -85,13 +85,13 @@ def _options(settings: Settings, names: tuple[str, ...], start: Path | None) -> 
     """Yield the options with values other than the defaults; for a model, all except its budget."""
     # Compare each option with its default; a model's address is compared without user and password.
     default = type(settings)()
-    for one in iter_options(type(settings)):
-        value = attrgetter(one.name)(settings)
-        nested = one.name.rpartition(".")[0]
-        if (nested or one.name) in names and value != attrgetter(one.name)(default):
-            if one.name == "model_settings.base_url":
+    for declared in iter_options(type(settings)):
+        value = attrgetter(declared.name)(settings)
+        nested = declared.name.rpartition(".")[0]
+        if (nested or declared.name) in names and value != attrgetter(declared.name)(default):
+            if declared.name == "model_settings.base_url":
                 value = settings.model_settings.address
-            yield from _option(one.name, one.flags[-1], value, start)
+            yield from _option(declared.name, declared.flags[-1], value, start)
 
 
 def _option(name: str, flag: str, value: Any, start: Path | None) -> Iterator[str]:

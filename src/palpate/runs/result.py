@@ -24,23 +24,23 @@ from palpate.twin.twin import Twin
 from palpate.twin.validate import ReplayResidual, Validation
 
 
-def held_out_json(held: HeldOut | None) -> dict[str, Any] | None:
+def held_out_json(held_out: HeldOut | None) -> dict[str, Any] | None:
     """Held-out motions as JSON: all together, and one by one.
 
     The least probable motion counts for all of them, and any one that disagrees.
     """
-    if held is None:
+    if held_out is None:
         return None
-    motions = held.motions
+    motions = held_out.motions
     disagreements = [motion.disagreement for motion in motions if motion.disagreement]
     return {
         "motion": "; ".join(motion.motion for motion in motions) or None,
         "chi2": sum(motion.chi2 for motion in motions),
         "dof": sum(motion.dof for motion in motions),
         "p": min((motion.p for motion in motions), default=None),
-        "agrees": held.agrees if motions else None,
+        "agrees": held_out.agrees if motions else None,
         "disagreement": " ".join(disagreements) or None,
-        "notes": held.notes,
+        "notes": held_out.notes,
         "motions": [
             asdict(motion) | {"tests": _tests_json(motion.tests), "agrees": motion.agrees}
             for motion in motions
@@ -120,7 +120,7 @@ def plan_text(run: Run) -> str:
     # A plan of a model also keeps its detected objects and its cost.
     more: dict[str, Any] = {}
     if run.seen is not None:
-        more["scene"] = [asdict(thing) for thing in run.seen.objects]
+        more["scene"] = [asdict(item) for item in run.seen.objects]
     if run.conversation is not None:
         more |= run.conversation.summary()
     return dump_plan(run.plan, more)

@@ -59,7 +59,7 @@ class Ending:
     @classmethod
     def of(cls, done: Execution) -> Ending:
         """The figures of an execution."""
-        return cls(**{one.name: getattr(done, one.name) for one in fields(cls)})
+        return cls(**{field.name: getattr(done, field.name) for field in fields(cls)})
 
 
 @dataclass(frozen=True, eq=False, repr=False)
@@ -132,8 +132,8 @@ class Run(Estimates):
 
     def __post_init__(self) -> None:
         # Label the estimates of a simulation.
-        if any(one.simulated != self.simulated for one in self.estimates):
-            labelled = (replace(one, simulated=self.simulated) for one in self.estimates)
+        if any(estimate.simulated != self.simulated for estimate in self.estimates):
+            labelled = (replace(estimate, simulated=self.simulated) for estimate in self.estimates)
             object.__setattr__(self, "estimates", tuple(labelled))
 
     @property
@@ -178,9 +178,9 @@ class Run(Estimates):
             if belief.contradiction:
                 yield f"the pose of {name} is contradicted: {belief.contradiction}"
         # Estimates that are missing, uncertain or too wide.
-        found = {estimate.parameter: estimate for estimate in self.estimates}
+        estimates = {estimate.parameter: estimate for estimate in self.estimates}
         for parameter in self.plan.parameters:
-            estimate = found.get(parameter)
+            estimate = estimates.get(parameter)
             if estimate is None:
                 yield f"{parameter}: there is no estimate"
             elif not self.suffices(estimate):
@@ -195,9 +195,9 @@ class Run(Estimates):
             return ()
         # Compare under the names that the file uses.
         stated = {stated_parameter(parameter, catalogue()) for parameter in self.plan.parameters}
-        begun = [f"{one} is not in the twin" for one in self.finished.unwritten if one in stated]
+        begun = [f"{p} is not in the twin" for p in self.finished.unwritten if p in stated]
         notes = self.finished.notes
-        return tuple(next((note for note in notes if note.startswith(one)), one) for one in begun)
+        return tuple(next((note for note in notes if note.startswith(p)), p) for p in begun)
 
     @property
     def is_recorded(self) -> bool:

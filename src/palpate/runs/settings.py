@@ -211,7 +211,10 @@ class Settings:
                 wrong = error.errors()[0]["msg"].replace(
                     "a valid tuple", "a text, or a list of texts"
                 )
-                options = {one.name: f". {one.option.help}" for one in iter_options(Settings)}
+                options = {
+                    declared.name: f". {declared.option.help}"
+                    for declared in iter_options(Settings)
+                }
                 shown = f"{name}=: {wrong}, not {str(given)[:60]}{options.get(name, '')}"
                 raise InputError(shown) from None
 
@@ -309,7 +312,7 @@ class Settings:
 def settings_of(**given: Any) -> Settings:
     """Return the settings with these fields, converted to their types. Raises InputError: an
     unknown field, or a value of another type."""
-    names = [one.name for one in fields(Settings)]
+    names = [field.name for field in fields(Settings)]
     for name in given:
         if name not in names:
             raise unknown_name("argument", name, names)
@@ -322,7 +325,7 @@ def _adapters() -> Mapping[str, TypeAdapter[Any]]:
     from pydantic import TypeAdapter
 
     hints = get_type_hints(Settings, include_extras=True)
-    return {one.name: TypeAdapter[Any](hints[one.name]) for one in fields(Settings)}
+    return {field.name: TypeAdapter[Any](hints[field.name]) for field in fields(Settings)}
 
 
 def _check_request(request: str) -> None:

@@ -48,13 +48,13 @@ def trace_messages(run: Run) -> list[Message]:
     if trace is None or not len(trace.t):
         return []
     # Each part is independent: one that fails costs only itself.
-    found: list[Message] = []
+    messages: list[Message] = []
     for part in (_cell, _camera):
         try:
-            found += part(run, trace)
+            messages += part(run, trace)
         except Exception as error:
             log.warning("viewers are shown less: %s: %s", type(error).__name__, error)
-    return found
+    return messages
 
 
 def _cell(run: Run, trace: Trace) -> Iterator[Message]:
@@ -106,8 +106,8 @@ def _from(parent: Array, child: Array) -> Array:
     back = turns[0].inv()
     at = back.apply(child[:, :3] - parent[:, :3])
     # The canonical quaternion has a scalar part that is not negative.
-    turned = (back * turns[1]).as_quat(canonical=True, scalar_first=True)
-    return np.column_stack([at, turned]).astype(np.float32).astype(np.float64)
+    quaternions = (back * turns[1]).as_quat(canonical=True, scalar_first=True)
+    return np.column_stack([at, quaternions]).astype(np.float32).astype(np.float64)
 
 
 def _camera(run: Run, trace: Trace) -> Iterator[Message]:

@@ -73,9 +73,9 @@ def planner_name(planner: str | Planner) -> str:
     return getattr(named, "name", named)
 
 
-def contents_of(thing: Any, kind: type) -> dict[str, Any]:
+def contents_of(source: Any, kind: type) -> dict[str, Any]:
     """Values of the fields of the dataclass `kind` in an instance of it, to construct a subclass."""
-    return {part.name: getattr(thing, part.name) for part in fields(kind) if part.init}
+    return {part.name: getattr(source, part.name) for part in fields(kind) if part.init}
 
 
 # Public class of runs, and functions over several runs.
@@ -218,7 +218,7 @@ def fuse(runs: Sequence[str | Path | InnerRun]) -> Fusion:
         InputError: fewer than two runs, runs that are not of one scene, or the same recordings
             twice.
     """
-    opened = [one if isinstance(one, InnerRun) else open(one) for one in runs]
+    opened = [run if isinstance(run, InnerRun) else open(run) for run in runs]
     with single_threaded_blas():
         return fuse_runs(opened)
 
@@ -233,7 +233,7 @@ def compare(runs: Sequence[str | Path | InnerRun]) -> Comparison:
     Raises:
         InputError: fewer than two runs, or a folder that is not a run's.
     """
-    return compare_runs([one if isinstance(one, InnerRun) else open(one) for one in runs])
+    return compare_runs([run if isinstance(run, InnerRun) else open(run) for run in runs])
 
 
 def finish(folder: str | Path, progress: Progress = ignore, film: bool = False) -> Run:

@@ -196,8 +196,8 @@ class Throw(OfObject):
         # Fly without contacts, pushed at the middle.
         world.run(force, world.at(0.5), is_on_ground, touching=False)
         # Interpolate between the two physics steps at which it passes the floor.
-        (below, there), (above, here) = places[-1], places[-2]
-        return float(np.interp(floor, (below, above), (there, here)))
+        (below, before), (above, after) = places[-1], places[-2]
+        return float(np.interp(floor, (below, above), (before, after)))
 
 
 # Tasks of a kind of world. Each is followed by tasks that replace it where it is not possible.
@@ -207,12 +207,12 @@ Tasks = Sequence[Sequence[type[Task[World]]]]
 TASKS: Tasks[PhysicsTrial] = ((Slide, SpringPush), (Topple,), (Throw,))
 
 
-def slid(world: PhysicsTrial, done: mujoco.MjData, way: Array) -> float:
-    """Distance in the direction `way`, m; infinite for an object that tipped over or fell."""
+def slid(world: PhysicsTrial, done: mujoco.MjData, direction: Array) -> float:
+    """Distance along `direction`, m; infinite for an object that tipped over or fell."""
     # An upright object at its former height has slid.
-    moved = world.displacement(done)
-    stands = world.tilt(done) < UPRIGHT and abs(moved[2]) < 0.01
-    return float(moved @ way) if stands else np.inf
+    displacement = world.displacement(done)
+    stands = world.tilt(done) < UPRIGHT and abs(displacement[2]) < 0.01
+    return float(displacement @ direction) if stands else np.inf
 
 
 def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
@@ -239,17 +239,19 @@ def foot_held(world: PhysicsTrial) -> Generator[None]:
     """
     # Change friction, priority and cone of the object's geoms, and restore them afterwards.
     model, cone = world.model, world.model.opt.cone
-    mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
-    saved = {name: getattr(model, name)[mine].copy() for name in ("geom_friction", "geom_priority")}
-    model.geom_friction[mine, 0] = GRIP
-    model.geom_priority[mine] = model.geom_priority.max() + 1
+    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
+    saved = {
+        name: getattr(model, name)[geoms].copy() for name in ("geom_friction", "geom_priority")
+    }
+    model.geom_friction[geoms, 0] = GRIP
+    model.geom_priority[geoms] = model.geom_priority.max() + 1
     model.opt.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
     try:
         yield
     finally:
         model.opt.cone = cone
         for name, values in saved.items():
-            getattr(model, name)[mine] = values
+            getattr(model, name)[geoms] = values
 
 
 # Tasks with a drawer or a door: coast to an opening, open steadily.
@@ -278,10 +280,10 @@ class JointTrial:
         start = float(data.qpos[self.qpos])
         while True:
             # Handle coordinates: the joint's position and rate times the lever.
-            way = self.lever * (float(data.qpos[self.qpos]) - start)
+            travel = self.lever * (float(data.qpos[self.qpos]) - start)
             speed = self.lever * float(data.qvel[self.dof])
-            if data.time > LONGEST or until(data.time, way, speed):
-                return way, speed
+            if data.time > LONGEST or until(data.time, travel, speed):
+                return travel, speed
             data.qfrc_applied[self.dof] = force(data.time) * self.lever
             mujoco.mj_step(model, data)
 
@@ -309,11 +311,11 @@ class Coast(JointTask):
 
     def outcome(self, world: JointTrial, action: float) -> float:
         """Travel of the handle to the point where it stops or reverses."""
-        way, _ = world.run(
+        travel, _ = world.run(
             lambda time: action * (time < PUSHED),
             lambda time, _, speed: time > PUSHED and speed < REST,
         )
-        return way
+        return travel
 
 
 class Steady(ThresholdTask[JointTrial], JointTask):
@@ -330,8 +332,8 @@ class Steady(ThresholdTask[JointTrial], JointTask):
 
     def _passes(self, world: JointTrial, force: float) -> bool:
         # A constant force, until the handle has passed the distance.
-        way, speed = world.run(lambda _: force, lambda _, way, __: way > self.distance)
-        return way > self.distance and speed > self.speed
+        travel, speed = world.run(lambda _: force, lambda _, travel, __: travel > self.distance)
+        return travel > self.distance and speed > self.speed
 
 
 JOINT_TASKS: Tasks[JointTrial] = ((Coast,), (Steady,))

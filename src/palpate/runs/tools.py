@@ -75,9 +75,9 @@ def lesson(asked: Settings) -> Lesson:
     """Prepare the teaching of the poses of the settings' scene, with the known ones."""
     # Begin with the known poses; their other entries are kept unchanged.
     poses, loaded = asked.poses, asked.read_scene(load_description(asked.arm))
-    said = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
-    objects, places = said.pop("objects", {}), said.pop("places", {})
-    return Lesson(loaded, objects, places, said)
+    poses_stated = read_poses(poses).model_dump(exclude_defaults=True, mode="json") if poses else {}
+    objects, places = poses_stated.pop("objects", {}), poses_stated.pop("places", {})
+    return Lesson(loaded, objects, places, poses_stated)
 
 
 def guided_hand(url: str, taught: Lesson) -> GuidedHand:
@@ -122,10 +122,10 @@ def write_excitation(arm: str, path: Path) -> list[str]:
 
     if path.exists():
         raise InputError(f"'{path}' exists already: choose another out=")
-    found = excitation(load_description(arm))
+    trajectory = excitation(load_description(arm))
     with writing(path):
-        path.write_text(found.csv(), encoding="utf-8")
-    return found.told(arm, str(path)).splitlines()
+        path.write_text(trajectory.csv(), encoding="utf-8")
+    return trajectory.told(arm, str(path)).splitlines()
 
 
 def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
@@ -164,16 +164,16 @@ def prompt(settings: Settings) -> Prompt:
         if scene is None:
             raise InputError("measure= names parameters of a scene: give scene=D.xml")
         request = f"{request} {in_words(named_parameters(settings.measure, scene))}".lstrip()
-    told = settings.model_settings
+    model_settings = settings.model_settings
     return compose(
         vocabulary(),
         request,
         scene,
         settings.images,
         symbols,
-        told.without,
-        told.prompt,
-        told.comments,
+        model_settings.without,
+        model_settings.prompt,
+        model_settings.comments,
         arm,
         settings.remeasure,
     )

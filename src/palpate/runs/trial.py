@@ -144,10 +144,10 @@ def set_aside(body: mujoco.MjsBody) -> None:
 def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:
     """Corners of the box around a body's geoms, m, from their bounding boxes."""
     # All geoms of the body and of its children.
-    mine = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
+    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == body)
     signs = np.array(np.meshgrid([-1, 1], [-1, 1], [-1, 1])).reshape(3, 8)
     points: list[Array] = []
-    for geom in mine:
+    for geom in geoms:
         # Corners of the geom's bounding box, in world axes.
         middle, half = model.geom_aabb[geom, :3], model.geom_aabb[geom, 3:]
         corners = middle[:, None] + half[:, None] * signs

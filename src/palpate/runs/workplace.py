@@ -125,7 +125,7 @@ def footage_of(cell: Cell) -> Footage | None:
 
 def truths(run: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
     """Read the true values of the estimated parameters, if the cell knows them."""
-    found: dict[Parameter, tuple[float, ...]] = {}
+    truth: dict[Parameter, tuple[float, ...]] = {}
     for estimate in run.estimates:
         try:
             values = cell.truth(estimate.parameter)
@@ -133,8 +133,8 @@ def truths(run: Run, cell: Cell) -> dict[Parameter, tuple[float, ...]]:
             log.warning("the truth is not known: %s: %s", type(error).__name__, error)
             break
         if values is not None:
-            found[estimate.parameter] = values
-    return found
+            truth[estimate.parameter] = values
+    return truth
 
 
 # The look before a run: poses that a camera sees replace those of the scene.
@@ -168,7 +168,7 @@ def look(
             )
     callbacks.progress("looking")
     # A camera on the hand needs the pose of the hand, if the robot is a real one.
-    robot, found = settings.robot, scene
+    robot, current = settings.robot, scene
     seen = seen_from(
         scene,
         settings.camera,
@@ -177,7 +177,7 @@ def look(
         settings.seed,
         settings.pose_estimator,
         settings.noise,
-        None if robot is None else lambda: hand_of(robot, found),
+        None if robot is None else lambda: hand_of(robot, current),
     )
     if not callbacks.looked(seen):
         raise ExecutionAborted("what the camera saw was not confirmed; nothing has moved")

@@ -146,11 +146,11 @@ class Description:
         """Sentence with the reason why a body of the file is not measured; empty for others."""
         # Reasons by name of the body; the request may use a part of the name.
         roles = self.roles
-        found = {one: f"'{one}' is static; {AN_OBJECT}" for one in self.refused}
+        reasons = {static: f"'{static}' is static; {AN_OBJECT}" for static in self.refused}
         for body in (*roles.ignored, *roles.replicated, *roles.untouchable):
-            found[body.get("name", "")] = _no_object(body, roles)
-        for one, reason in found.items():
-            if name.replace(" ", "_").lower() in (one.lower(), *one.lower().split("_")):
+            reasons[body.get("name", "")] = _no_object(body, roles)
+        for static, reason in reasons.items():
+            if name.replace(" ", "_").lower() in (static.lower(), *static.lower().split("_")):
                 return f"{reason}."
         return ""
 
@@ -170,7 +170,7 @@ def describe(
     require_limits(document, loaded=())
     roles = find_roles(document)
     kept = without_robots(document, roles).loaded()
-    require_limits(document, loaded={one for one in kept if one.tag != "texture"})
+    require_limits(document, loaded={element for element in kept if element.tag != "texture"})
     # Slots are the places where a quantity may be written `?`.
     slots: list[Slot] = []
     for body in roles.bodies.values():
@@ -216,19 +216,19 @@ def describe(
 
 
 def _describe_bodies(roles: Roles, shapes: Shapes, poses: Poses) -> dict[str, BodyDescription]:
-    found: dict[str, BodyDescription] = {}
+    bodies: dict[str, BodyDescription] = {}
     for name, body in roles.bodies.items():
         # Poses and tops of poses.yaml take precedence over the file's.
         given = poses.objects.get(name)
         approach = poses.places.get(f"{name}_approach")
-        found[name] = BodyDescription(
+        bodies[name] = BodyDescription(
             body,
             shapes,
-            found,
+            bodies,
             given=None if given is None else given.body_pose(),
             given_top=None if approach is None else approach.pos[2] - APPROACH,
         )
-    return found
+    return bodies
 
 
 def _refuse_other_unknowns(
@@ -287,7 +287,7 @@ def _no_object(element: Element, roles: Roles) -> str:
                 f"'{called}' has joints that are not free: an object has a <freejoint/> instead, a drawer or "
                 "door a name and one slide or hinge joint"
             )
-        if any(body is one.element and one.role == "fixture" for one in roles.bodies.values()):
+        if any(body is part.element and part.role == "fixture" for part in roles.bodies.values()):
             return f"'{called}' slides or turns on a joint: an object has a <freejoint/> instead"
         if body in roles.untouchable:
             return f"'{called}' is not an object: {roles.untouchable[body]}"
@@ -341,9 +341,9 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
         after = Pose.of(fallen.xpos, fallen.xquat)
         drop = float(before.position[2] - after.position[2])
         aside = float(np.linalg.norm((before.position - after.position)[:2]))
-        turned = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
+        upright = float(np.abs(before.rotation.T @ after.rotation).diagonal().min())
         # The stated z is lowered by the drop; x, y and orientation stay as stated.
-        if 0.0 < drop < 2 * RESTING and aside < ASIDE and turned > UPRIGHT:
+        if 0.0 < drop < 2 * RESTING and aside < ASIDE and upright > UPRIGHT:
             element = body.elements.element
             if body.given is not None:
                 stated_z = float(body.given.position[2])

@@ -139,7 +139,7 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
     size = np.array([pixels.shape[1], pixels.shape[0]], dtype=float)
     # Assign regions to boxes; a box of bare table near a free region is an error.
     pieces_of = {item.name: _own_piece(item, items, pieces, size) for item in items}
-    found: list[SceneObject] = []
+    sharpened: list[SceneObject] = []
     for item in objects:
         piece = pieces_of.get(item.name)
         if piece is None and item in items and _shows_table(item, planes, pixels):
@@ -153,8 +153,8 @@ def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[Scene
             left, top, right, bottom = (np.array(piece.box).reshape(2, 2) / size).ravel().tolist()
             outline = tuple((x, y) for x, y in (piece.outline / size).round(5).tolist())
             item = replace(item, bbox=(left, top, right, bottom), outline=outline)
-        found.append(item)
-    return tuple(found)
+        sharpened.append(item)
+    return tuple(sharpened)
 
 
 def _pieces(pixels: Pixels, planes: Sequence[SceneObject]) -> list[ColourRegion]:
@@ -226,9 +226,9 @@ def _own_piece(
         return None
     nearest = min(near, key=lambda piece: _distance(item, piece, size))
     # The assignment must be mutual: no other box may be nearer to the region.
-    mine = _distance(item, nearest, size)
+    own = _distance(item, nearest, size)
     others = [_distance(other, nearest, size) for other in items if other is not item]
-    if mine > reach or min(others, default=np.inf) <= mine:
+    if own > reach or min(others, default=np.inf) <= own:
         return None
     return nearest
 
@@ -282,6 +282,6 @@ def _refuse_bare(item: SceneObject, alike: Sequence[ColourRegion], size: Array) 
 
 def _distance(item: SceneObject, piece: ColourRegion, size: Array) -> float:
     """Distance between the middles of an object's box and of a region's, pixels."""
-    mine = np.array(item.bbox).reshape(2, 2).mean(axis=0) * size
-    theirs = np.array(piece.box).reshape(2, 2).mean(axis=0)
-    return float(np.linalg.norm(mine - theirs))
+    centre = np.array(item.bbox).reshape(2, 2).mean(axis=0) * size
+    piece_centre = np.array(piece.box).reshape(2, 2).mean(axis=0)
+    return float(np.linalg.norm(centre - piece_centre))

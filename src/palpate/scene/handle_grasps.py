@@ -131,34 +131,34 @@ def handle_grasp(
     front, and is grasped only from above.
     """
     middle = np.concatenate([shape.points for shape in handle]).mean(axis=0)
-    way = joint.direction(middle)
+    tangent = joint.direction(middle)
     obstacles = [Obstacle.of(points) for points in around]
     # A grasp from above is preferred.
-    above = derive_grasp(arm, handle, obstacles, float(np.arctan2(way[1], way[0])), base)
+    above = derive_grasp(arm, handle, obstacles, float(np.arctan2(tangent[1], tangent[0])), base)
     if not (above.problem and is_named):
         return above
     # Level approaches, the one that leads straightest away from the arm first.
-    for direction in _level(way, handle, middle - base.position):
-        found = _grasp_along(direction, arm, handle, around, base)
-        if found is not None:
-            return found
+    for direction in _level(tangent, handle, middle - base.position):
+        grasp = _grasp_along(direction, arm, handle, around, base)
+        if grasp is not None:
+            return grasp
     return replace(above, problem=f"{above.problem}, from above or from its front")
 
 
-def _level(way: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]:
+def _level(tangent: Array, handle: Sequence[Convex], away: Array) -> Iterator[Array]:
     """Level unit directions (3,) of an approach to a handle."""
-    # They are along and across the handle's motion `way` (3,), and along and across the narrowest
+    # They are along and across the handle's motion `tangent` (3,), and along and across the narrowest
     # width of each of its parts. They lead `away` (3,) from the arm, sorted by the cosine to it.
-    angles = [float(np.arctan2(way[1], way[0])), *(_narrowest(shape) for shape in handle)]
+    angles = [float(np.arctan2(tangent[1], tangent[0])), *(_narrowest(shape) for shape in handle)]
     turns = np.add.outer(angles, np.arange(4) * np.pi / 2).ravel()
     whole = np.unique(np.round(np.degrees(turns)) % 360.0)
     directions = np.radians(whole).astype(np.float64)
-    found = np.column_stack([np.cos(directions), np.sin(directions), np.zeros(len(whole))])
+    horizontal = np.column_stack([np.cos(directions), np.sin(directions), np.zeros(len(whole))])
     # Keep directions away from the arm, in descending order of the cosine.
-    ahead = found @ away / float(np.linalg.norm(away))
+    ahead = horizontal @ away / float(np.linalg.norm(away))
     for i in np.argsort(-ahead, kind="stable").tolist():
         if ahead[i] > LEAST_AWAY:
-            yield found[i].astype(np.float64)
+            yield horizontal[i].astype(np.float64)
 
 
 def _narrowest(shape: Convex) -> float:
@@ -179,24 +179,24 @@ def _grasp_along(
     """The grasp of a hand that approaches along a level unit `direction` (3,); None if it fits nowhere."""
     # Rotate the scene so that the approach points down, and derive a top-down grasp.
     frame = Pose.turn(-np.pi / 2 * np.array([-direction[1], direction[0], 0.0]))
-    turned = [Convex(shape.points @ frame.rotation, shape.edges) for shape in handle]
+    rotated = [Convex(shape.points @ frame.rotation, shape.edges) for shape in handle]
     obstacles = [Obstacle.of(points @ frame.rotation) for points in around]
     up = frame.rotation[2]
     yaw = float(np.arctan2(up[1], up[0]))
-    found = derive_grasp(arm, turned, obstacles, yaw, frame.inverse() @ base)
-    if found.problem:
+    grasp = derive_grasp(arm, rotated, obstacles, yaw, frame.inverse() @ base)
+    if grasp.problem:
         return None
     # Of the grasp and its half turn, take the reachable one with the smaller turn of the wrist.
     # Both the handle and the retreat must be in reach.
     reached: list[tuple[float, Pose]] = []
-    for pose in (frame @ found.pose, frame @ found.pose @ HALF_TURN):
+    for pose in (frame @ grasp.pose, frame @ grasp.pose @ HALF_TURN):
         back = pose.translate(-RETREAT * direction)
-        bent = [configuration(arm, base.inverse() @ one) for one in (pose, back)]
+        bent = [configuration(arm, base.inverse() @ candidate) for candidate in (pose, back)]
         if all(within_joint_limits(arm, q, LIMIT_MARGIN) for q in bent):
             reached.append((max(float(abs(q - arm.home)[-1]) for q in bent), pose))
     if not reached:
         return None
-    return replace(found, pose=min(reached, key=lambda one: one[0])[1])
+    return replace(grasp, pose=min(reached, key=lambda candidate: candidate[0])[1])
 
 
 def points_down(pose_world_tcp: Pose) -> bool:
@@ -205,7 +205,7 @@ def points_down(pose_world_tcp: Pose) -> bool:
 
 
 def fixtures_without_grasp(
-    bodies: Mapping[str, BodyDescription], held: Mapping[str, Grasp], given: Collection[str]
+    bodies: Mapping[str, BodyDescription], grasps: Mapping[str, Grasp], given: Collection[str]
 ) -> dict[str, str]:
     """Fixtures without a graspable handle, with the reason.
 
@@ -217,6 +217,6 @@ def fixtures_without_grasp(
     )
     return {
         name: grasp.problem + why
-        for name, grasp in held.items()
+        for name, grasp in grasps.items()
         if grasp.problem and name not in given and not bodies[name].named_handle
     }

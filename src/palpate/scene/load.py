@@ -60,9 +60,9 @@ def scene_with_measurements(scene: Scene, trace: Trace) -> Scene:
         return scene
     # Only surfaces that a plan touched, and whose estimate is identified, are moved.
     heights = [Parameter(name, "height") for name in scene.surfaces]
-    touched = [one for one in heights if trace.converted(one) is not None]
-    found = [one for one in estimate_all(touched, trace, scene.bodies) if one.identified]
-    return at_heights(scene, {one.parameter: tuple(one.values.tolist()) for one in found})
+    touched = [item for item in heights if trace.converted(item) is not None]
+    estimates = [item for item in estimate_all(touched, trace, scene.bodies) if item.identified]
+    return at_heights(scene, {item.parameter: tuple(item.values.tolist()) for item in estimates})
 
 
 def untouchable_reason(scene: Scene, name: str) -> str | None:
@@ -135,15 +135,15 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
     """
     body = scene.bodies[name]
     # The body and its pose at rest move by the same step: x' = S x, T' = S T S⁻¹.
-    there = step @ body.pose_world
-    moved = replace(
+    placed = step @ body.pose_world
+    corrected = replace(
         body,
-        pose_world=there,
+        pose_world=placed,
         tipped=step @ body.tipped @ step.inverse(),
         covariance=body.covariance if covariance is None else covariance,
     )
     # Named poses of the body follow; its temporary place keeps x and y.
-    rise = (0.0, 0.0, float(there.position[2] - body.pose_world.position[2]))
+    rise = (0.0, 0.0, float(placed.position[2] - body.pose_world.position[2]))
 
     def to(symbol: str, pose: Pose) -> Pose:
         if scene.symbols.subjects.get(symbol) != name:
@@ -152,7 +152,7 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
 
     return replace(
         scene,
-        bodies=MappingProxyType({**scene.bodies, name: moved}),
+        bodies=MappingProxyType({**scene.bodies, name: corrected}),
         symbols=scene.symbols.moved(to),
         as_given=scene.as_given or scene,
     )
@@ -165,28 +165,28 @@ def risen(scene: Scene, surface: str, top: float, places: Places) -> dict[str, f
     `top`. An object stacked on another one keeps its place on it.
     """
     # The surface itself rises by the difference of its tops.
-    found = {surface: top - scene.bodies[surface].top_z(places[surface])}
+    rises = {surface: top - scene.bodies[surface].top_z(places[surface])}
     # In the order of their bottoms, so that a support is raised before the bodies on it.
     for other in sorted(scene.bodies.values(), key=lambda body: body.bottom_z(places[body.name])):
         base = _support(scene, other, places)
-        if other.name in found or base is None or base.name not in found:
+        if other.name in rises or base is None or base.name not in rises:
             continue
         direct = base.name == surface and other.role == "object"
         bottom = other.bottom_z(places[other.name])
-        found[other.name] = top - bottom if direct else found[base.name]
-    return found
+        rises[other.name] = top - bottom if direct else rises[base.name]
+    return rises
 
 
 def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     """Convert world poses of objects in the raised scene to those in the scene as given."""
     places = {**scene.body_poses, **poses}
     # Subtract the rise of the support of each object.
-    found: dict[str, Pose] = {}
+    lowered: dict[str, Pose] = {}
     for name, pose in poses.items():
         base = _support(scene, scene.bodies[name], places)
         rise = 0.0 if base is None else scene.rises.get(base.name, 0.0)
-        found[name] = pose.translate((0.0, 0.0, -rise))
-    return found
+        lowered[name] = pose.translate((0.0, 0.0, -rise))
+    return lowered
 
 
 def _support(scene: Scene, body: Body, places: Places) -> Body | None:

@@ -65,17 +65,17 @@ def derive_symbols(
     entries = resolved.poses
     grasps = {name: _grasp(geometry, name) for name in geometry.objects}
     described = resolved.description.bodies
-    held = {
+    handles = {
         name: _handle_grasp(geometry, name, bool(described[name].named_handle))
         for name in geometry.handles
     }
-    poses = _poses(geometry, grasps | held, entries)
+    poses = _poses(geometry, grasps | handles, entries)
     later = _later(geometry, poses)
     # Offsets of an object: derived ones, then common ones, then its own of poses.yaml.
     common, special = given_offsets(entries)
     for name in special:
-        if name not in grasps | held:
-            raise unknown_name("object in offsets", name, grasps | held)
+        if name not in grasps | handles:
+            raise unknown_name("object in offsets", name, grasps | handles)
     own: dict[str, dict[str, Array]] = {}
     for name, grasp in grasps.items():
         derived = _own_offsets(geometry, name, grasp, poses[f"{name}_pose"])
@@ -101,8 +101,8 @@ def derive_symbols(
         handles=frozenset(f"{name}_pose" for name in geometry.handles),
         offsets=vectors(DEFAULT_OFFSETS) | common,
         own_offsets=own,
-        ungraspable=_ungraspable(geometry, grasps | held, entries)
-        | fixtures_without_grasp(described, held, entries.grasps),
+        ungraspable=_ungraspable(geometry, grasps | handles, entries)
+        | fixtures_without_grasp(described, handles, entries.grasps),
     )
 
 
@@ -145,7 +145,7 @@ def fronts(
     geometry: Geometry, poses: Mapping[str, Pose], offsets: Mapping[str, Mapping[str, Array]]
 ) -> dict[str, Array]:
     """Joint configurations (7,), rad, in front of the handles that a level hand grasps."""
-    found: dict[str, Array] = {}
+    points: dict[str, Array] = {}
     for name in geometry.handles:
         if not points_down(pose := poses[f"{name}_pose"]):
             # The configuration is at the retreat, not at the handle.
@@ -153,11 +153,11 @@ def fronts(
             # Joint configurations (7,), rad, on the way of a level hand to a pose in front of a
             # fixture.
             front = configuration(geometry.arm, geometry.base.inverse() @ back)
-            found |= {
+            points |= {
                 f"{name}_level": np.array([*geometry.arm.home[:5], *front[5:]]),
                 f"{name}_front": front,
             }
-    return found
+    return points
 
 
 def _lines(
@@ -190,10 +190,10 @@ def above_top(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose:
 def grasp_across(geometry: Geometry, name: str, pose_world_tcp: Pose) -> Pose | None:
     """The grasp of an object turned by 90°; None if it does not fit the hand."""
     others = geometry.others(name, geometry.support(name))
-    found = turned_grasp(
+    grasp = turned_grasp(
         geometry.arm, geometry.objects[name], others, pose_world_tcp, geometry.base
     )
-    return None if found.problem else found.pose
+    return None if grasp.problem else grasp.pose
 
 
 def _ungraspable(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> dict[str, str]:
@@ -220,32 +220,32 @@ def free_place(geometry: Geometry, name: str, poses: Mapping[str, Pose]) -> Pose
     if support is None:
         return None
     cloud = geometry.clouds[name]
-    here = np.array(middle(cloud))
+    centre = np.array(middle(cloud))
     x, y = geometry.arm.hand.half_extents
     hand = rectangle(pose_world_tcp.position[:2], pose_world_tcp.rotation[:2, 0], x, y / 2)
-    shape = rim(np.concatenate([cloud[:, :2], hand])) - here
+    shape = rim(np.concatenate([cloud[:, :2], hand])) - centre
     # Bounding box of the object seen from above: it must be on the surface.
-    footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - here
+    footing = np.array([cloud.min(axis=0)[:2], cloud.max(axis=0)[:2]]) - centre
     # An object on top of another one goes down to the surface itself.
     stacked = float(cloud[:, 2].min() - geometry.tops[support][:, 2].max())
     drop = stacked if stacked > RESTING else 0.0
     bottom = float(cloud[:, 2].min()) - drop
     others = [*geometry.others(name, support), *_put_down_before(geometry, name, poses)]
     obstacles = above([*others, Obstacle.of(cloud)], bottom + 0.002)
-    found = free_spot(
+    place = free_spot(
         geometry.arm.reach,
         shape=shape,
         footing=footing,
         top=geometry.tops[support],
         obstacles=obstacles,
-        near=here,
+        near=centre,
         z=bottom,
         base=geometry.base,
     )
-    if found is None:
+    if place is None:
         return None
-    spot, _ = found
-    return pose_world_tcp.translate((*(spot - here), -drop))
+    spot, _ = place
+    return pose_world_tcp.translate((*(spot - centre), -drop))
 
 
 def _put_down_before(
@@ -275,10 +275,10 @@ def _grasp(geometry: Geometry, name: str) -> Grasp:
     spread = None if covariance is None else covariance[:2, :2]
     for cleared in ((name, support), (name, support, *geometry.objects)):
         others = geometry.others(*cleared)
-        found = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base, spread)
-        if not found.problem:
+        grasp = derive_grasp(geometry.arm, geoms, others, yaw, geometry.base, spread)
+        if not grasp.problem:
             break
-    return found
+    return grasp
 
 
 def _handle_grasp(geometry: Geometry, name: str, is_named: bool) -> Grasp:
@@ -315,10 +315,10 @@ def _lift(geometry: Geometry, geoms: Sequence[Convex], pose: Pose, name: str) ->
 def _on_the_way(outline: Array, pose: Pose, base: Pose) -> bool:
     """True if an outline is within the corridor from the arm's front to the object."""
     start = base.position[:2] + 0.3 * base.rotation[:2, 0]
-    way = pose.position[:2] - start
+    path = pose.position[:2] - start
     low, high = outline.min(axis=0), outline.max(axis=0)
     # Distance of the outline's box from the point of the path nearest to its middle.
-    share = np.clip(((low + high) / 2 - start) @ way / max(float(way @ way), 1e-9), 0, 1)
-    nearest = start + share * way
-    apart = np.maximum(np.maximum(low - nearest, nearest - high), 0)
-    return bool(np.linalg.norm(apart) < CORRIDOR)
+    share = np.clip(((low + high) / 2 - start) @ path / max(float(path @ path), 1e-9), 0, 1)
+    nearest = start + share * path
+    gap = np.maximum(np.maximum(low - nearest, nearest - high), 0)
+    return bool(np.linalg.norm(gap) < CORRIDOR)

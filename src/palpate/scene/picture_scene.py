@@ -55,14 +55,14 @@ def fit(
         InputError: no such shape fits; the message addresses the model.
     """
     # The box alone first: its result is the start of the fit to the outline.
-    found = _upright(camera, item, level, placed)
+    upright = _upright(camera, item, level, placed)
     if item.outline is None or placed is not None:
-        return found
+        return upright
     if item.shape == "box":
-        return _fit_turned_block(camera, item, level, found)
+        return _fit_turned_block(camera, item, level, upright)
     if item.shape == "cylinder":
-        return _fit_necked_cylinder(camera, item, level, found)
-    return found
+        return _fit_necked_cylinder(camera, item, level, upright)
+    return upright
 
 
 def _upright(
@@ -88,15 +88,15 @@ def _upright(
 
     low = np.array([-np.inf, -np.inf, 0.002, 0.002])[: len(start)][free]
     # Sizes are at least 2 mm. The start must be inside of the bounds.
-    found = least_squares(
+    solution = least_squares(
         residual, np.maximum(start[free], low * 1.01), bounds=(low, np.inf), x_scale=0.1
     )
-    start[free] = found.x
+    start[free] = solution.x
     # A poor fit, or a shape far away, shows that shape, box or plane is wrong.
     foot = camera.pose_world_camera.position[:2]
     misfit = 0.0
     if placed is None:
-        misfit = float(np.abs(found.fun).max())
+        misfit = float(np.abs(solution.fun).max())
     if misfit > MISFIT * camera.height or np.hypot(*(start[:2] - foot)) > FAR:
         raise InputError(
             f"scene: no {item.shape} on a plane at z = {level:.3f} m fits the bbox of '{item.name}' "
@@ -167,7 +167,7 @@ def _fit_outline(
         least_squares(residual, start, bounds=(low, high), x_scale=SCALES, loss="soft_l1")
         for start in starts
     ]
-    return min(tries, key=lambda found: float(found.cost)).x
+    return min(tries, key=lambda solution: float(solution.cost)).x
 
 
 def _bottle(values: Array, level: float) -> Array:
@@ -433,9 +433,9 @@ def _mjcf(slabs: Sequence[FittedShape], items: Sequence[FittedShape], poses: Pos
             extents = (f.width / 2, f.height / 2)
         elif f.item.shape == "sphere":
             extents = (f.width / 2,)
-        turned = f' euler="0 0 {np.degrees(f.yaw):.2f}"' if f.yaw else ""
+        euler = f' euler="0 0 {np.degrees(f.yaw):.2f}"' if f.yaw else ""
         lines += [
-            f'    <body name="{f.item.name}" pos="{metres(f.x, f.y)} ?"{turned}>',
+            f'    <body name="{f.item.name}" pos="{metres(f.x, f.y)} ?"{euler}>',
             "      <freejoint/>",
             f'      <geom type="{f.item.shape}" size="{metres(*extents)}"/>',
             "    </body>",

@@ -98,7 +98,7 @@ def approach_pose(
     open_tips = arm.hand.opening / 2 + arm.hand.finger
     # Both open fingertips should touch the surface. On a narrow surface only closed ones can.
     for half_span in (open_tips, TOUCHING):
-        found: list[tuple[float, Pose]] = []
+        candidates: list[tuple[float, Pose]] = []
         for yaw in (turn, turn + np.pi / 2):
             along = np.array([np.cos(yaw), np.sin(yaw)])
             hand = rectangle(np.zeros(2), along, *arm.hand.half_extents)
@@ -114,9 +114,9 @@ def approach_pose(
                 base=base,
             )
             if spot is not None:
-                found.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
-        if found:
-            return max(found, key=lambda candidate: candidate[0])[1]
+                candidates.append((spot[1], Pose.top_down((*spot[0], height + clear), yaw)))
+        if candidates:
+            return max(candidates, key=lambda candidate: candidate[0])[1]
     return None
 
 

@@ -211,17 +211,17 @@ def _complaint(invalid: ValidationError) -> str:
     if steps[0] not in _FORMS:
         return str(unknown_name("key", steps[0], _FORMS))
     # The kind of error as a predicate, then the expected form of the entry.
-    what = {
+    complaint = {
         "extra_forbidden": "is not a key",
         "missing": "is missing",
         "dict_type": "has no keys below it",
         "model_type": "has no keys below it",
     }.get(first["type"])
-    if what is None:
+    if complaint is None:
         message = first["msg"].removeprefix("Value error, ").replace("Input should", "should")
-        what = message.partition(", unable")[0]
-    one = f"'{steps[0]}'" if steps[0] in _SINGLE else f"an entry of '{steps[0]}'"
-    return f"{'.'.join(steps)} {what}; {one} is {_FORMS[steps[0]]}"
+        complaint = message.partition(", unable")[0]
+    entry = f"'{steps[0]}'" if steps[0] in _SINGLE else f"an entry of '{steps[0]}'"
+    return f"{'.'.join(steps)} {complaint}; {entry} is {_FORMS[steps[0]]}"
 
 
 def _require_covariance(rows: tuple[_Row, ...]) -> tuple[_Row, ...]:

@@ -63,8 +63,8 @@ def contradictions(scene: ResolvedScene) -> Iterator[str]:
         if body.role == "object" and _has_open_z(scene, name):
             placed = replace(body, shapes=scene.shapes)
             for other in (replace(other, shapes=scene.shapes) for other in body.objects()):
-                apart = abs(other.top_z - placed.bottom_z)
-                if apart < MOVED and other.reaches_over(placed.footing()):
+                gap = abs(other.top_z - placed.bottom_z)
+                if gap < MOVED and other.reaches_over(placed.footing()):
                     yield f"The z of '{name}' is `?`: it is assumed to be on '{other.name}', whose z is written."
 
 
@@ -81,12 +81,12 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
     owners = {ids[geom]: name for name, body in bodies.items() for geom in body.elements.geoms}
     objects = [name for name, body in bodies.items() if body.role == "object"]
     geoms: list[list[int]] = data.contact.geom.reshape(-1, 2).tolist()
-    found: dict[tuple[str, str], str] = {}
+    remarks: dict[tuple[str, str], str] = {}
     for depth, pair in sorted(zip((-data.contact.dist).tolist(), geoms, strict=True), reverse=True):
         names = [owners.get(geom) or model.body(model.geom_bodyid[geom]).name for geom in pair]
         # One sentence for each pair, with the object first.
         first, second = sorted(names, key=lambda name: name not in objects)
-        if depth < DEEP or first == second or first not in objects or (first, second) in found:
+        if depth < DEEP or first == second or first not in objects or (first, second) in remarks:
             continue
         remedy = "correct the pos of one of them"
         if _has_open_z(scene, first) or _has_open_z(scene, second):
@@ -94,10 +94,10 @@ def overlaps(scene: ResolvedScene) -> dict[tuple[str, str], str]:
                 "a body with z `?` is placed on the surface below it, or on an object there whose z is "
                 "written; write the z of the lower body"
             )
-        found[first, second] = (
+        remarks[first, second] = (
             f"'{first}' and '{second}' overlap by {1e3 * depth:.0f} mm in the scene: {remedy}"
         )
-    return found
+    return remarks
 
 
 def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
@@ -119,7 +119,7 @@ def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
             starts[next(joint.iterancestors("body"), world)] = at
             kind = str(joint.tag) if joint.tag == "freejoint" else defaults.attribute(joint, "type")
             at += NUMBERS.get(kind or "hinge", 1)
-    total, found = at, dict[str, list[str]]()
+    total, names_of = at, dict[str, list[str]]()
     for key in root.iterfind("keyframe/key"):
         try:
             qpos = [float(number) for number in tokens(key.get("qpos"))]
@@ -133,12 +133,12 @@ def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
             # Compare the seven numbers of a free joint with the pose of the file.
             at = starts.get(body.elements.element, len(qpos))
             if body.role == "object" and len(qpos) >= at + 7 and any(qpos[at + 3 : at + 7]):
-                there = Pose.of(qpos[at : at + 3], qpos[at + 3 : at + 7])
+                keyed = Pose.of(qpos[at : at + 3], qpos[at + 3 : at + 7])
                 pose = scene.shapes.body_pose(name)
-                moved = np.linalg.norm(pose.position - there.position)
-                if moved > MOVED or pose.angle_to(there) > TURNED:
-                    found.setdefault(key.get("name") or "without a name", []).append(name)
-    return found
+                distance = np.linalg.norm(pose.position - keyed.position)
+                if distance > MOVED or pose.angle_to(keyed) > TURNED:
+                    names_of.setdefault(key.get("name") or "without a name", []).append(name)
+    return names_of
 
 
 def _has_open_z(scene: ResolvedScene, name: str) -> bool:
@@ -303,11 +303,11 @@ def _unusual_contacts(scene: Scene) -> Iterator[str]:
         (colliding.body_contype, colliding.body_conaffinity),
     ):
         types[:] = affinities[:] = (types | affinities) != 0
-    through = "passes through what it stands on: {}. It falls, and no contact there is measured"
+    falls = "passes through what it stands on: {}. It falls, and no contact there is measured"
     variants = {
         "": shapes.model,
-        through.format("<exclude>"): included,
-        through.format("their contype and conaffinity share no bit"): colliding,
+        falls.format("<exclude>"): included,
+        falls.format("their contype and conaffinity share no bit"): colliding,
     }
     above = f"stands on nothing within {1e3 * RESTING:.0f} mm: it falls. Correct its pos"
     flags = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)

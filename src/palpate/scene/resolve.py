@@ -84,20 +84,20 @@ class ResolvedScene:
         """Every body in the model that `spec` makes of the same `values`."""
         roles = self.description.roles
         shapes = compile_shapes(self.document, roles, self._edits(values))
-        found: dict[str, BodyDescription] = {}
+        bodies: dict[str, BodyDescription] = {}
         for name, body in self.description.bodies.items():
-            found[name] = replace(body, shapes=shapes, others=found)
-        return found
+            bodies[name] = replace(body, shapes=shapes, others=bodies)
+        return bodies
 
     def bodies(self) -> dict[str, Body]:
         """Objects, surfaces and fixtures by name, in document order."""
-        found: dict[str, Body] = {}
+        bodies: dict[str, Body] = {}
         for name, body in self.description.bodies.items():
-            found[name] = self._body(replace(body, shapes=self.shapes))
+            bodies[name] = self._body(replace(body, shapes=self.shapes))
         # Objects that rest on each surface.
-        for surface in [body for body in found.values() if body.role == "surface"]:
+        for surface in [body for body in bodies.values() if body.role == "surface"]:
             carried: list[str] = []
-            for body in found.values():
+            for body in bodies.values():
                 x, y, _ = body.pose_world.position.tolist()
                 if (
                     body.role == "object"
@@ -105,15 +105,15 @@ class ResolvedScene:
                     and abs(body.bottom_z() - surface.top_z()) < RESTING
                 ):
                     carried.append(body.name)
-            found[surface.name] = replace(surface, carries=tuple(carried))
+            bodies[surface.name] = replace(surface, carries=tuple(carried))
         # An object on a surface that is not stable there tips to a stable pose.
-        for surface in [body for body in found.values() if body.carries]:
+        for surface in [body for body in bodies.values() if body.carries]:
             for name in surface.carries:
-                body = found[name]
+                body = bodies[name]
                 cloud = replace(self.description.bodies[name], shapes=self.shapes).cloud
                 rest = tip_to_rest(cloud, body.pose_world.apply(body.centre))
-                found[name] = replace(body, tipped=rest)
-        return found
+                bodies[name] = replace(body, tipped=rest)
+        return bodies
 
     def _body(self, body: BodyDescription) -> Body:
         """Body of the scene from its description: status of its quantities, geometry, words."""
@@ -180,7 +180,7 @@ def resolve(document: Document, poses: Poses, catalogue: Catalogue) -> ResolvedS
 
 def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
     """Priors of all missing parameters: surfaces and fixtures first, then the objects on them."""
-    found: dict[Parameter, Prior] = {}
+    priors: dict[Parameter, Prior] = {}
     means: dict[Parameter, tuple[float, ...]] = {}
     # Surfaces come first: the prior of an object's z depends on its surface.
     for role in ("surface", "fixture", "object"):
@@ -190,8 +190,8 @@ def beliefs(bodies: Bodies, catalogue: Catalogue) -> dict[Parameter, Prior]:
                 if quantity.status(body) == "missing":
                     prior = quantity.prior(body, means)
                     parameter = Parameter(body.name, quantity.id)
-                    found[parameter], means[parameter] = prior, prior.mean
-    return found
+                    priors[parameter], means[parameter] = prior, prior.mean
+    return priors
 
 
 def changes(

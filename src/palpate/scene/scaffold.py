@@ -67,8 +67,8 @@ class ScaffoldItem:
 def kinds() -> dict[str, dict[str, list[float]]]:
     """Shape and size by kind: `{"mug": {"cylinder": [74, 95]}}`, in mm."""
     text = files("palpate.scene").joinpath("kinds.yaml").read_text(encoding="utf-8")
-    found: Any = plain_yaml(text, "kinds.yaml")
-    return found
+    entries: Any = plain_yaml(text, "kinds.yaml")
+    return entries
 
 
 def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
@@ -81,10 +81,10 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
         )
     # Fill the rows from near to far, each from its middle outwards.
     places = [(x, y) for x in _ROWS for y in _COLUMNS]
-    found: dict[str, ScaffoldItem] = {}
+    placed: dict[str, ScaffoldItem] = {}
     for name, place in zip(names, places, strict=False):
         name = identifier(name)
-        if name in found:
+        if name in placed:
             raise InputError(f"two objects are called '{name}': give each its own name")
         words = name.lower().split("_")
         # The last word is the noun: a `box_cutter` is a cutter.
@@ -92,10 +92,10 @@ def place_objects(names: Sequence[str]) -> tuple[ScaffoldItem, ...]:
         [(shape, millimetres)] = kinds().get(kind, UNKNOWN).items()
         extents = tuple(value / 1000 for value in millimetres)
         # A colour in the name takes precedence over that of the palette.
-        usual = _PALETTE[len(found) % len(_PALETTE)]
+        usual = _PALETTE[len(placed) % len(_PALETTE)]
         colour = next((word for word in words if word in _COLOURS and word != kind), usual)
-        found[name] = ScaffoldItem(name, kind, shape, extents, *place, colour=_COLOURS[colour])
-    return tuple(found.values())
+        placed[name] = ScaffoldItem(name, kind, shape, extents, *place, colour=_COLOURS[colour])
+    return tuple(placed.values())
 
 
 def identifier(text: str) -> str:

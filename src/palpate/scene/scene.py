@@ -111,12 +111,12 @@ class Scene:
     @property
     def missing(self) -> tuple[Parameter, ...]:
         """All parameters that the MJCF does not state, in document order."""
-        found: list[Parameter] = []
+        parameters: list[Parameter] = []
         for body in self.bodies.values():
             # The order of the catalogue is the order within a body.
             ids = [id for id in self.catalogue if id in body.missing]
-            found += [Parameter(body.name, id) for id in ids]
-        return tuple(found)
+            parameters += [Parameter(body.name, id) for id in ids]
+        return tuple(parameters)
 
     def spec(self, values: Mapping[Parameter, tuple[float, ...]] | None = None) -> mujoco.MjSpec:
         """The scene as an editable model without any robot; unknowns are from `values`, else from the priors."""

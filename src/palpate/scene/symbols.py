@@ -136,8 +136,8 @@ class Symbols:
     def usable(self) -> frozenset[str]:
         """Names of all poses that exist: searched poses need free room and must fit the hand."""
         # Computes all poses on demand, so it is slow the first time.
-        found = {name for name in self.later if self._later(name) is not None}
-        return frozenset({*self.poses, *self.lines, *found})
+        estimated = {name for name in self.later if self._later(name) is not None}
+        return frozenset({*self.poses, *self.lines, *estimated})
 
     @cached_property
     def offset_names(self) -> tuple[str, ...]:
@@ -233,13 +233,13 @@ class Symbols:
                 raise InputError(f"'{name}': {error}") from None
         if name not in self.later:
             raise self._unknown(name)
-        found = self._later(name)  # a search for a free spot takes time, so it is done on demand
-        if found is None:
+        pose = self._later(name)  # a search for a free spot takes time, so it is done on demand
+        if pose is None:
             why = "there is no free place within reach"
             if name.endswith("_across"):
                 why = f"turned by 90°, the hand does not fit '{self.subjects.get(name)}': no pose"
             raise InputError(f"{why} for '{name}'; give one in poses.yaml")
-        return found
+        return pose
 
     def _later(self, name: str) -> Pose | None:
         if name not in self._found:
@@ -283,9 +283,9 @@ class Symbols:
         """Joint configuration (7,), rad; the error for an unknown name lists the valid ones."""
         if name not in self.configurations:
             # With a single configuration, any unknown name is a misspelling of it.
-            (meant, *others) = self.configurations
-            guess = None if others else meant
-            raise unknown_name("joint configuration", name, self.configurations, meant=guess)
+            (only, *others) = self.configurations
+            guess = None if others else only
+            raise unknown_name("joint configuration", name, self.configurations, intended=guess)
         return self.configurations[name].copy()  # callers may change it
 
     def subject(self, expression: str | PoseExpression) -> str | None:
@@ -314,13 +314,13 @@ class Symbols:
         longest = max(of, key=len, default=None)
         # Suggest a pose of the body with the longest matching name.
         own = [known for known, subject in self.subjects.items() if subject == longest]
-        meant = next(iter(get_close_matches(name[:80], own, n=1, cutoff=0.0)), None)
+        intended = next(iter(get_close_matches(name[:80], own, n=1, cutoff=0.0)), None)
         # A name of a pose above the object keeps its intent: "mug_lift_pose".
         above = not _ABOVE.isdisjoint(name.removeprefix(f"{longest}_").split("_"))
         if above and f"{longest}_pose" in own and "z_offset" in self.offsets:
-            meant = f"{longest}_pose + z_offset"
+            intended = f"{longest}_pose + z_offset"
         hint = "Other objects have poses, too." if own and len(own) < len(self.names) else ""
-        return unknown_name("pose", name, own or self.names, hint, meant)
+        return unknown_name("pose", name, own or self.names, hint, intended)
 
     @cached_property
     def _aliases(self) -> dict[str, str]:

@@ -57,15 +57,15 @@ SEVERAL = "kinds"
 
 def chosen(names: Sequence[str]) -> list[str]:
     """Expand scenario names: `all` is every scenario with a request for a planner, `kinds` is `KINDS`."""
-    found: list[str] = []
+    selected: list[str] = []
     for name in names:
         if name == EVERY:
-            found += [each.name for each in scenarios().values() if each.asks]
+            selected += [each.name for each in scenarios().values() if each.asks]
         elif name == SEVERAL:
-            found += KINDS
+            selected += KINDS
         else:
-            found.append(scenario(name).name)
-    return list(dict.fromkeys(found))
+            selected.append(scenario(name).name)
+    return list(dict.fromkeys(selected))
 
 
 def ablation(

@@ -136,17 +136,17 @@ class Prepared:
     @classmethod
     def of(cls, settings: Settings) -> Prepared:
         """Plan by the settings, and read their world."""
-        made = pipeline.plan(settings, pipeline.load(settings))
-        if not made.ready or settings.world is None:
-            return cls(made, None)
-        return cls(made, cell_for(settings, made.scene, made.seen is not None))
+        planned = pipeline.plan(settings, pipeline.load(settings))
+        if not planned.ready or settings.world is None:
+            return cls(planned, None)
+        return cls(planned, cell_for(settings, planned.scene, planned.seen is not None))
 
     def for_seed(self, settings: Settings) -> tuple[Run, Cell | None]:
         """Return the planned run with the seed of `settings`, and its cell."""
-        made = replace(self.made, settings=replace(self.made.settings, seed=settings.seed))
+        planned = replace(self.made, settings=replace(self.made.settings, seed=settings.seed))
         if isinstance(self.cell, SimulatedCell):
-            return made, replace(self.cell, seed=settings.seed)
-        return made, self.cell
+            return planned, replace(self.cell, seed=settings.seed)
+        return planned, self.cell
 
 
 @lru_cache(1)
@@ -186,11 +186,11 @@ def run_seed(
     """
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
-    made, cell = (shared or Prepared.of(settings)).for_seed(settings)
+    planned, cell = (shared or Prepared.of(settings)).for_seed(settings)
     # Measure, in a displaced world if requested.
     if displaced:
-        cell = displaced_cell(settings, made.scene, made.seen is not None, cell)
-    run = pipeline.measure(made, cell=cell)
+        cell = displaced_cell(settings, planned.scene, planned.seen is not None, cell)
+    run = pipeline.measure(planned, cell=cell)
     done = run.execution
     if done is None:
         return SeedRun(seed, run.status, 0, 0.0, ())

@@ -67,7 +67,7 @@ def write_page(folder: Path) -> Path | None:
 def render(runs: Runs) -> str:
     """Render the page's HTML."""
     figures: dict[str, Figure] = {}
-    sections = [scenario_section(group, found, figures) for group, found in runs.items()]
+    sections = [scenario_section(group, trials, figures) for group, trials in runs.items()]
     overall = overall_tables(runs, figures)
     library, _ = plotly()
     return template("palpate.studies", "accuracy_page.html").render(
@@ -87,11 +87,11 @@ def overall_tables(runs: Runs, figures: dict[str, Figure]) -> Sequence[tuple[str
     points: dict[str, list[tuple[str, float, float]]] = {}
     pooled: dict[str, dict[str, list[ScoredEstimate]]] = {}
     # Pool the estimates by noise model and quantity, and collect stated and actual errors.
-    for group, found in runs.items():
-        for each in identified_estimates(found):
+    for group, trials in runs.items():
+        for each in identified_estimates(trials):
             of_noise = pooled.setdefault(group.noise, {})
             of_noise.setdefault(each.parameter.quantity, []).append(each)
-        rows = summarise(found)
+        rows = summarise(trials)
         names = component_names(rows)
         for row in rows:
             if row.claimed and row.rmse:
@@ -225,10 +225,10 @@ def identified_estimates(runs: Sequence[SeedRun]) -> Iterator[ScoredEstimate]:
 def component_names(rows: Sequence[Summary]) -> dict[Key, str]:
     """Name the components, with the axis where there are several."""
     several = {row.parameter for row in rows if row.component}
-    found: dict[Key, str] = {}
+    names: dict[Key, str] = {}
     for row in rows:
         name = str(row.parameter)
         if row.parameter in several:
             name += f" {AXES[row.component]}" if row.component < len(AXES) else f"[{row.component}]"
-        found[row.key] = name
-    return found
+        names[row.key] = name
+    return names

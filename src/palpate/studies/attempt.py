@@ -131,16 +131,16 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
 
 def found_values(run: Run) -> dict[str, MeasuredValue]:
     """Estimates and true values by parameter."""
-    found: dict[str, MeasuredValue] = {}
+    values: dict[str, MeasuredValue] = {}
     for estimate in run.estimates:
-        found[str(estimate.parameter)] = MeasuredValue(
+        values[str(estimate.parameter)] = MeasuredValue(
             tuple(estimate.values.tolist()) if estimate.has_value else (),
             tuple(estimate.stds.tolist()) if estimate.has_value else (),
             run.truth.get(estimate.parameter, ()),
             estimate.unit,
             estimate.verdict,
         )
-    return found
+    return values
 
 
 def has_valid_syntax(run: Run) -> bool:

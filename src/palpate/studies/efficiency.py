@@ -36,8 +36,8 @@ class Rate:
 
         if self.trials == 0:  # nothing is known of the rate
             return 0.0, 1.0
-        found = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
-        return float(found.low), float(found.high)
+        interval = binomtest(self.hits, self.trials).proportion_ci(method="wilson")
+        return float(interval.low), float(interval.high)
 
     def __str__(self) -> str:
         low, high = self.interval
@@ -143,13 +143,15 @@ def efficiency(
     names: Iterable[str], noise: str = DEFAULT_LEVEL, seed: int = 0
 ) -> list[PlannerComparison]:
     """Run both planners on each scenario."""
-    found: list[PlannerComparison] = []
+    comparisons: list[PlannerComparison] = []
     for name in names:
         # The same scenario and seed, by both planners.
         intent = scenario(name).settings(noise=noise)
         exhaustive = replace(intent, planner="exhaustive")
-        found.append(PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed)))
-    return found
+        comparisons.append(
+            PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed))
+        )
+    return comparisons
 
 
 def plot(rows: Sequence[PlannerComparison]) -> str:

@@ -162,8 +162,8 @@ def all_objections(
         yield f"measured without need at {node}"
     # Every object that was in the hand must be requested, or be in the way.
     wanted = {parameter.object for parameter in expected}
-    held = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
-    if strangers := held - wanted - set(may_touch):
+    names = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
+    if strangers := names - wanted - set(may_touch):
         yield f"touched needlessly: {', '.join(sorted(strangers))}"
 
 

@@ -77,8 +77,8 @@ def write_page(results: Path) -> Path | None:
 def render(records: Sequence[TrialRecord]) -> str:
     """Render the page's HTML."""
     # Sections in the order of the paper; empty ones are left out.
-    found = [scenario_table(records), ablation_table(records), repeatability_table(records)]
-    found += [results_table(records), effort_table(records)]
+    tables = [scenario_table(records), ablation_table(records), repeatability_table(records)]
+    tables += [results_table(records), effort_table(records)]
     failures = Counter(
         f"{record.trial}: {record.outcome}: {record.reason[:REASON]}"
         for record in records
@@ -90,7 +90,7 @@ def render(records: Sequence[TrialRecord]) -> str:
         planners=len({record.trial.planner for record in records}),
         scenarios=len({record.trial.scenario for record in records}),
         outcomes=Counter(record.outcome for record in records).most_common(),
-        tables=[each for each in found if each is not None and each.lines],
+        tables=[each for each in tables if each is not None and each.lines],
         reasons=failures.most_common(),
     )
 
@@ -184,15 +184,15 @@ def results_table(records: Sequence[TrialRecord]) -> Table:
     for line in RESULTS:
         runs: dict[tuple[float, float], MeasuredValue] = {}
         for record in records:
-            found = record.found.get(line.parameter)
-            if record.trial.scenario == line.scenario and record.success and found is not None:
+            measured = record.found.get(line.parameter)
+            if record.trial.scenario == line.scenario and record.success and measured is not None:
                 # Count the same plan with the same seed once: it is the same run.
-                runs.setdefault((found.value[0], found.std[0]), found)
+                runs.setdefault((measured.value[0], measured.std[0]), measured)
         if not runs:
             continue
         # Mean and scatter over the runs, against their mean stated deviation.
         values, stds = zip(*runs, strict=True)
-        truths = [found.truth[0] for found in runs.values()]
+        truths = [measured.truth[0] for measured in runs.values()]
         unit = next(iter(runs.values())).unit
         unit = "" if unit == "1" else unit
         spread = f" ± {stdev(values):.2g}" if len(values) > 1 else ""

@@ -39,11 +39,11 @@ LARGE: Figure = {
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:
     """Distribution of the errors, in `unit`s of 1/`scale`, with the mean stated distribution."""
     # Scale to the unit; choose a symmetric range that contains all errors and 3 stated deviations.
-    found = scale * np.array([each.error for each in estimates])
+    scaled = scale * np.array([each.error for each in estimates])
     stds = scale * np.array([each.std for each in estimates])
-    widest = max(float(np.abs(found).max()), 3.0 * float(np.median(stds)))
-    count = int(np.clip(2.0 * np.sqrt(len(found)), *BARS))
-    heights, edges = np.histogram(found, count, (-widest, widest), density=True)
+    widest = max(float(np.abs(scaled).max()), 3.0 * float(np.median(stds)))
+    count = int(np.clip(2.0 * np.sqrt(len(scaled)), *BARS))
+    heights, edges = np.histogram(scaled, count, (-widest, widest), density=True)
     x = np.linspace(-widest, widest, 201)
     # Mean of the stated normal densities: the expected histogram of calibrated errors.
     pdf = np.exp(-0.5 * (x / stds[:, None]) ** 2) / (stds[:, None] * np.sqrt(2.0 * np.pi))
@@ -59,7 +59,7 @@ def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figu
     }
     curve = line_trace("as stated", x, pdf.mean(axis=0), NORM)
     # Mark the mean error and zero.
-    bias = float(found.mean())
+    bias = float(scaled.mean())
     return {
         "data": [bars, curve],
         "layout": {
@@ -189,10 +189,10 @@ def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
 def coverage_curve(name: str, group: Sequence[ScoredEstimate], colour: str, width: float) -> Figure:
     # Share of intervals that contain the truth, as a step function of their level.
     level = 100.0 * np.sort(levels(group))
-    held = 100.0 * np.arange(1, len(level) + 1) / len(level)
+    inside = 100.0 * np.arange(1, len(level) + 1) / len(level)
     kept = np.unique(np.linspace(0, len(level) - 1, min(len(level), POINTS)).astype(int))
     x = np.concatenate([[0.0], level[kept], [100.0]])
-    y = np.concatenate([[0.0], held[kept], [100.0]])
+    y = np.concatenate([[0.0], inside[kept], [100.0]])
     line = line_trace(name, x, y, colour)
     line["line"] |= {"shape": "hv", "width": width}
     return line | {"showlegend": True, "hovertemplate": "%{x:.0f} %: %{y:.0f} %"}

@@ -92,9 +92,9 @@ def measure(
     # Make and append them one by one: a killed campaign loses only runs in progress.
     progress = Progress(len(wanted), len(wanted) - len(todo))
     say(str(progress))
-    for place, found in crew.each(run_case, [case for _, case in todo]):
+    for place, answer in crew.each(run_case, [case for _, case in todo]):
         group, case = todo[place]
-        run = crashed_run(case.seed, str(found)) if isinstance(found, Lost) else found
+        run = crashed_run(case.seed, str(answer)) if isinstance(answer, Lost) else answer
         row = SeedRow(group, asked[group], run)
         if lines is not None:
             lines.add(asdict(row))
@@ -122,10 +122,10 @@ def read(folder: Path) -> list[SeedRow]:
 
 def group_runs(rows: Iterable[SeedRow]) -> Runs:
     """Group the runs, in order of first appearance."""
-    found: Runs = {}
+    runs: Runs = {}
     for row in rows:
-        found.setdefault(row.group, []).append(row.run)
-    return found
+        runs.setdefault(row.group, []).append(row.run)
+    return runs
 
 
 def refuse_other_settings(rows: Iterable[SeedRow], asked: dict[Group, dict[str, str]]) -> None:
@@ -214,25 +214,25 @@ class Summary:
 def summarise(runs: Sequence[SeedRun]) -> list[Summary]:
     """Summarise each component of each parameter, in order of first appearance."""
     # Group all components, with and without a value.
-    found: dict[Key, list[ScoredEstimate | MissingComponent]] = {}
+    components: dict[Key, list[ScoredEstimate | MissingComponent]] = {}
     for run in runs:
         for each in (*run.estimates, *run.doubted, *run.unmeasured):
-            found.setdefault((each.parameter, each.component), []).append(each)
-    return [component_summary(key, group, len(runs)) for key, group in found.items()]
+            components.setdefault((each.parameter, each.component), []).append(each)
+    return [component_summary(key, group, len(runs)) for key, group in components.items()]
 
 
 def component_summary(
-    key: Key, found: Sequence[ScoredEstimate | MissingComponent], asked: int
+    key: Key, components: Sequence[ScoredEstimate | MissingComponent], asked: int
 ) -> Summary:
     # Statistics use only components that depend on the recordings.
-    verdicts = Counter(each.verdict for each in found)
-    identified = [each for each in found if isinstance(each, ScoredEstimate)]
+    verdicts = Counter(each.verdict for each in components)
+    identified = [each for each in components if isinstance(each, ScoredEstimate)]
     identified = [each for each in identified if each.is_evidence]
     summary = Summary(
         *key,
         runs=len(identified),
-        truth=fmean(each.truth for each in identified or found),
-        unit=found[0].unit,
+        truth=fmean(each.truth for each in identified or components),
+        unit=components[0].unit,
         asked=asked,
         verdicts=dict(verdicts),
     )

@@ -173,12 +173,12 @@ class Processes:
 def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
     """Map `work` over the tasks with `workers` processes; return results in the order of the tasks.
     Raises Lost: the process that executed a task died."""
-    found: dict[int, Result] = {}
+    results: dict[int, Result] = {}
     for place, result in Processes(workers).each(work, tasks):
         if isinstance(result, Lost):
             raise result
-        found[place] = result
-    return [found[place] for place in range(len(tasks))]
+        results[place] = result
+    return [results[place] for place in range(len(tasks))]
 
 
 @dataclass(slots=True)
@@ -294,14 +294,14 @@ def require_answer(address: str) -> None:
     if address == "auto":
         return
     # Try the port before Ray does.
-    found = ADDRESS.fullmatch(address)
-    if found is None:
+    match = ADDRESS.fullmatch(address)
+    if match is None:
         raise InputError(
             f"'{address}' is no address of a cluster; valid: {LOCAL}, auto, HOST:PORT, "
             "ray://HOST:PORT"
         )
     try:
-        place = found["host"], int(found["port"])
+        place = match["host"], int(match["port"])
         socket.create_connection(place, timeout=PATIENCE).close()
     except (OSError, OverflowError) as error:
         raise Unavailable(f"no Ray cluster at '{address}': {error}") from None

@@ -31,7 +31,7 @@ WRITTEN = {"frictionloss": "coulomb", "damping": "viscous", "armature": "armatur
 ORIENTATIONS = ("diaginertia", "quat", "axisangle", "xyaxes", "zaxis", "euler")
 
 
-def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
+def save_arm(fit: DynamicsFit, path: Path) -> tuple[Path, ...]:
     """Write the arm's MJCF with the identified dynamics to `path`, with the files that it needs
     there.
 
@@ -43,17 +43,17 @@ def save_arm(found: DynamicsFit, path: Path) -> tuple[Path, ...]:
             or the dynamics are contradicted, or the arm's file lacks a sensor that its
             description mounts.
     """
-    if found.contradictions:
-        raise InputError(f"{path} is not written: {found.contradictions[0]}")
-    sensor = found.arm.wrench_sensor
+    if fit.contradictions:
+        raise InputError(f"{path} is not written: {fit.contradictions[0]}")
+    sensor = fit.arm.wrench_sensor
     if sensor is not None and (sensor.mass or sensor.height):
         raise InputError(
-            f"{path} is not written: '{found.arm.name}' mounts a sensor that {found.arm.mjcf.name} does "
+            f"{path} is not written: '{fit.arm.name}' mounts a sensor that {fit.arm.mjcf.name} does "
             "not have; put it into the MJCF, and state 'mass: 0' and 'height: 0' in wrench_sensor"
         )
     # Edit joints and links in the arm's own text.
-    document = read_document(found.arm.mjcf)
-    texts = rewritten(document, [*_joints(found, document), *_links(found, document)])
+    document = read_document(fit.arm.mjcf)
+    texts = rewritten(document, [*_joints(fit, document), *_links(fit, document)])
     return write_files(texts, document, path)
 
 
@@ -65,20 +65,20 @@ def _find_element(document: Document, tag: str, name: str) -> Element:
     raise InputError(f"'{name}' is in a model that the arm's MJCF attaches: give a file of its own")
 
 
-def _joints(found: DynamicsFit, document: Document) -> Iterator[Change]:
-    for i, name in enumerate(found.arm.joints):
+def _joints(fit: DynamicsFit, document: Document) -> Iterator[Change]:
+    for i, name in enumerate(fit.arm.joints):
         joint = _find_element(document, "joint", name)
         for attribute, figure in WRITTEN.items():
-            each: JointFigure = getattr(found, figure)
+            each: JointFigure = getattr(fit, figure)
             value, std = float(each.value[i]), float(each.std[i])
             if each.observed[i] and value > SIGNIFICANT * std:
                 yield Edit(joint, attribute, {0: number(value, std)})
 
 
-def _links(found: DynamicsFit, document: Document) -> Iterator[Change]:
+def _links(fit: DynamicsFit, document: Document) -> Iterator[Change]:
     """Yield the changes of the links' inertias, and of the hand's if it was identified."""
     # Poses of all bodies at joint angles 0.
-    arm, model = found.arm, compile_mjcf(found.arm.mjcf)
+    arm, model = fit.arm, compile_mjcf(fit.arm.mjcf)
     data: Any = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
@@ -87,12 +87,12 @@ def _links(found: DynamicsFit, document: Document) -> Iterator[Change]:
     # Change of each link's parameters: identified less described.
     bodies = Bodies.of(chain, known.link_mass, known.link_com, arm.limits.payload)
     changed = [
-        (int(model.jnt_bodyid[model.joint(name).id]), joint, found.parameters[joint] - described)
+        (int(model.jnt_bodyid[model.joint(name).id]), joint, fit.parameters[joint] - described)
         for joint, (name, described) in enumerate(zip(arm.joints, bodies.links, strict=True))
     ]
-    if found.hand is not None and found.hand.centre is not None:
+    if fit.hand is not None and fit.hand.centre is not None:
         hand = int(model.body(arm.hand.body).id)
-        changed.append((hand, len(bodies.links) - 1, found.hand.parameters - bodies.hand))
+        changed.append((hand, len(bodies.links) - 1, fit.hand.parameters - bodies.hand))
     for body, joint, change in changed:
         yield from _inertial(document, data, body, change, bodies.anchors[joint])
 

@@ -181,14 +181,14 @@ def export_twin(
         require_readers(findings, chosen)
     notes += assumptions(description, twin.scene.catalogue)
     # List the parameters that the format can state, and the others.
-    held: list[Parameter] = []
+    kept: list[Parameter] = []
     lost: list[Parameter] = []
     for estimate in estimates:
         parameter = estimate.parameter
         is_in_twin = estimate.verdict in ("identified", "prior-dominated")
         if is_in_twin and parameter not in twin.unwritten:
-            (held if can_state(chosen, description, parameter) else lost).append(parameter)
-    return Export(chosen, file, tuple(held), tuple(lost), tuple(notes), tuple(findings))
+            (kept if can_state(chosen, description, parameter) else lost).append(parameter)
+    return Export(chosen, file, tuple(kept), tuple(lost), tuple(notes), tuple(findings))
 
 
 def check_written(
@@ -226,17 +226,19 @@ def with_names(document: Document, description: Description) -> Texts:
         tag = scan(texts[place.file])[place.number]
         if tag.name == "body" and "name" not in tag.attributes and not copied and not attached:
             changes.setdefault(place.file, []).append(set_attribute(tag, "name", name))
-    made = {file: apply_changes(texts[file], named) for file, named in changes.items()}
-    return Texts(made.pop(None), {file: text for file, text in made.items() if file is not None})
+    renamed = {file: apply_changes(texts[file], named) for file, named in changes.items()}
+    return Texts(
+        renamed.pop(None), {file: text for file, text in renamed.items() if file is not None}
+    )
 
 
 def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:
     """Measured static friction by object."""
-    found: dict[str, float] = {}
+    frictions: dict[str, float] = {}
     for estimate in estimates:
         if estimate.parameter.quantity == "friction" and "static" in estimate.parts:
-            found[estimate.parameter.object] = float(estimate.parts["static"].value)
-    return found
+            frictions[estimate.parameter.object] = float(estimate.parts["static"].value)
+    return frictions
 
 
 def assumptions(description: Description, quantities: Catalogue) -> Iterator[str]:
@@ -345,45 +347,45 @@ WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path,
 """Writers: each writes the contained scene into a folder and returns the main file, with notes."""
 
 
-def require_same(twin: mujoco.MjModel, made: mujoco.MjModel) -> None:
+def require_same(twin: mujoco.MjModel, exported: mujoco.MjModel) -> None:
     """Require mass, centre of mass and inertia of all bodies, and the passive forces of all joints.
 
     Raises:
         PalpateError: one differs.
     """
-    theirs, joints = bodies_of(mujoco, made), joints_of(made)
-    for name, mine in {**bodies_of(mujoco, twin), **joints_of(twin)}.items():
+    bodies, joints = bodies_of(mujoco, exported), joints_of(exported)
+    for name, expected in {**bodies_of(mujoco, twin), **joints_of(twin)}.items():
         # A body without mass is not compared: readers give it one.
-        if not name or not mine.get("mass", 1.0):
+        if not name or not expected.get("mass", 1.0):
             continue
-        other = theirs.get(name, joints.get(name))
-        for what, value in mine.items():
-            its = None if other is None else np.array(other[what])
+        other = bodies.get(name, joints.get(name))
+        for what, value in expected.items():
+            read = None if other is None else np.array(other[what])
             # A small number in an array of large ones has their absolute precision.
             least = max(CLOSE * float(np.abs(value).max(initial=0.0)), 1e-15)
-            if its is None or not np.allclose(its, value, CLOSE, least):
-                held = "nothing" if its is None else f"{its.ravel()}"
+            if read is None or not np.allclose(read, value, CLOSE, least):
+                content = "nothing" if read is None else f"{read.ravel()}"
                 raise PalpateError(
                     f"the twin's '{name}' is not the same when it is read back: its {what} has "
-                    f"{held} instead of {np.ravel(value)}"
+                    f"{content} instead of {np.ravel(value)}"
                 )
 
 
-def require_same_fields(twin: mujoco.MjModel, made: mujoco.MjModel) -> None:
+def require_same_fields(twin: mujoco.MjModel, exported: mujoco.MjModel) -> None:
     """Require the same contacts, shapes, places, limits and springs of two MJCF files, in order.
 
     Raises:
         PalpateError: one differs.
     """
     for field in dict.fromkeys(field for fields in FIELDS.values() for field in fields):
-        mine, its = np.asarray(getattr(twin, field)), np.asarray(getattr(made, field))
-        if mine.shape != its.shape or not np.allclose(its, mine, CLOSE, CLOSE):
+        expected, read = np.asarray(getattr(twin, field)), np.asarray(getattr(exported, field))
+        if expected.shape != read.shape or not np.allclose(read, expected, CLOSE, CLOSE):
             raise PalpateError(f"the twin is not the same when it is read back: {field} differs")
 
 
 def joints_of(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
     """Damping and friction of hinges and slides by name."""
-    found: dict[str, dict[str, float]] = {}
+    joints: dict[str, dict[str, float]] = {}
     for joint in range(model.njnt):
         if model.jnt_type[joint] >= int(mujoco.mjtJoint.mjJNT_SLIDE):
             dof = int(model.jnt_dofadr[joint])
@@ -391,5 +393,5 @@ def joints_of(model: mujoco.MjModel) -> dict[str, dict[str, float]]:
                 "damping": model.dof_damping[dof],
                 "frictionloss": model.dof_frictionloss[dof],
             }
-            found[f"joint {model.joint(joint).name}"] = forces
-    return found
+            joints[f"joint {model.joint(joint).name}"] = forces
+    return joints

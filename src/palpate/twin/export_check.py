@@ -142,12 +142,12 @@ def check_export(
     twin = run_job({**job, "reader": "mujoco", "file": str(source)})
     if placement.exists():
         job["placement"] = json.loads(placement.read_text("utf-8"))
-    found: list[Finding] = []
+    findings: list[Finding] = []
     for reader in READERS:
         if chosen in reader.formats and is_installed(reader, python):
             given = {**job, "reader": reader.script, "file": str(file), "remedy": reader.remedy}
-            found += compare(reader.name, model, twin, run_reader(given, python))
-    return found
+            findings += compare(reader.name, model, twin, run_reader(given, python))
+    return findings
 
 
 def is_installed(reader: Reader, python: str) -> bool:
@@ -189,14 +189,14 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
             low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
             is_backward = bool(model.jnt_limited[joint]) and high < -low
             rate[short(model.joint(joint).name)] = -speed if is_backward else speed
-    found: dict[str, dict[str, dict[str, Any]]] = {"rest": {}}
+    experiments: dict[str, dict[str, dict[str, Any]]] = {"rest": {}}
     if velocity:
-        found["slide"] = {"velocity": velocity}
+        experiments["slide"] = {"velocity": velocity}
     if force:
-        found["press"] = {"force": force}
+        experiments["press"] = {"force": force}
     if rate:
-        found["swing"] = {"rate": rate}
-    return found
+        experiments["swing"] = {"rate": rate}
+    return experiments
 
 
 def run_reader(job: Mapping[str, Any], python: str) -> dict[str, Any]:
@@ -206,13 +206,13 @@ def run_reader(job: Mapping[str, Any], python: str) -> dict[str, Any]:
         The result, or an `error` of one line.
     """
     script = Path(__file__).with_name("export_readers.py")
-    made = subprocess.run(
+    process = subprocess.run(
         [python, str(script)], input=json.dumps(job), capture_output=True, text=True, check=False
     )
-    if made.returncode == 0:
-        return json.loads(made.stdout)
-    lines = [line for line in made.stderr.splitlines() if line.strip()]
-    return {"error": lines[-1][:300] if lines else f"exit status {made.returncode}"}
+    if process.returncode == 0:
+        return json.loads(process.stdout)
+    lines = [line for line in process.stderr.splitlines() if line.strip()]
+    return {"error": lines[-1][:300] if lines else f"exit status {process.returncode}"}
 
 
 def compare(
@@ -223,9 +223,9 @@ def compare(
         yield Finding(reader, "file", "lost", other["error"])
         return
     name = f"{reader} {other['version']}"
-    mine, its = measured(model, twin), measured(model, other)
-    for quantity, values in mine.items():
-        yield judge(name, quantity, values, its.get(quantity, {}))
+    expected, read = measured(model, twin), measured(model, other)
+    for quantity, values in expected.items():
+        yield judge(name, quantity, values, read.get(quantity, {}))
 
 
 def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
@@ -233,7 +233,7 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
 
     Bodies that are rigidly connected count as one, since some readers merge them.
     """
-    runs, found = result["runs"], dict[str, dict[str, Any]]()
+    runs, quantities = result["runs"], dict[str, dict[str, Any]]()
     bodies = result["bodies"]
     parts: dict[str, list[str]] = {}
     for body in np.flatnonzero(model.body_weldid > 0).tolist():
@@ -243,7 +243,9 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
             parts.setdefault(short(whole), []).append(name)
     wholes = {name: merge([bodies[part] for part in of]) for name, of in parts.items()}
     for quantity in ("mass", "com", "inertia"):
-        found[quantity] = {n: whole[quantity] for n, whole in wholes.items() if whole["mass"] > 0.0}
+        quantities[quantity] = {
+            n: whole[quantity] for n, whole in wholes.items() if whole["mass"] > 0.0
+        }
     free = [short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)]
 
     def centres_after(experiment: str) -> dict[str, Any]:
@@ -256,19 +258,19 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
         }
 
     rest = centres_after("rest")
-    found["pose"] = {n: at for n, at in rest.items() if not n.startswith(PROBE)}
+    quantities["pose"] = {n: at for n, at in rest.items() if not n.startswith(PROBE)}
     # A ball sinks into a soft surface by its own weight: its depth counts from the first touch.
     before = {n: wholes[n]["com"] if n.startswith(PROBE) else at for n, at in rest.items()}
-    for quantity, counted in (("slide", found["pose"]), ("press", before)):
+    for quantity, counted in (("slide", quantities["pose"]), ("press", before)):
         if quantity in runs:
             after = centres_after(quantity).items()
-            found[quantity] = {n: at - before[n] for n, at in after if n in counted}
+            quantities[quantity] = {n: at - before[n] for n, at in after if n in counted}
     if "swing" in runs:
         # A joint without a name in the source cannot be found elsewhere.
         still = runs["rest"]["joints"]
         swung = runs["swing"]["joints"].items()
-        found["swing"] = {n: np.array([angle - still[n]]) for n, angle in swung if n}
-    return found
+        quantities["swing"] = {n: np.array([angle - still[n]]) for n, angle in swung if n}
+    return quantities
 
 
 def merge(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
@@ -320,20 +322,22 @@ def probe_centre(model: mujoco.MjModel, body: int) -> Array | None:
     return None
 
 
-def judge(reader: str, quantity: str, mine: Mapping[str, Any], its: Mapping[str, Any]) -> Finding:
+def judge(
+    reader: str, quantity: str, expected: Mapping[str, Any], read: Mapping[str, Any]
+) -> Finding:
     """Compare a quantity of all bodies, and name the one that differs most."""
-    if missing := [name for name in mine if name not in its]:
+    if missing := [name for name in expected if name not in read]:
         return Finding(reader, quantity, "lost", f"of {', '.join(missing)}"[:200])
     relative, absolute = TOLERANCE[quantity]
     worst, detail = 1.0, ""
-    for name, value in mine.items():
-        size, apart = float(np.linalg.norm(value)), float(np.linalg.norm(its[name] - value))
-        share = apart / (relative * size + absolute)
+    for name, value in expected.items():
+        size, difference = float(np.linalg.norm(value)), float(np.linalg.norm(read[name] - value))
+        share = difference / (relative * size + absolute)
         if not share <= worst:
             worst, unit = share, UNITS.get(quantity, "m")
-            detail = f"{name}: {float(np.linalg.norm(its[name])):.4g} for {size:.4g} {unit}"
+            detail = f"{name}: {float(np.linalg.norm(read[name])):.4g} for {size:.4g} {unit}"
             if quantity in ("com", "pose"):
-                detail = f"{name}: by {apart:.3g} m"
+                detail = f"{name}: by {difference:.3g} m"
     return Finding(reader, quantity, "differs" if detail else "acts", detail)
 
 

@@ -81,9 +81,9 @@ def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
     # Name all elements: links and joints of other formats need names.
     for body in spec.bodies:
         body.name = body.name or fallback_name(body.id)
-    for things, kind in ((spec.geoms, "geom"), (spec.joints, "joint")):
-        for i, thing in enumerate(things):
-            thing.name = thing.name or f"{kind}_{i}"
+    for elements, kind in ((spec.geoms, "geom"), (spec.joints, "joint")):
+        for i, element in enumerate(elements):
+            element.name = element.name or f"{kind}_{i}"
     notes: list[str] = []
     for body in range(1, model.nbody):
         first = int(model.body_dofadr[body])

@@ -52,9 +52,9 @@ def rotation_of(xyzw: Any) -> Any:
 
 def matrix(pose: list[float]) -> Any:
     """Homogeneous matrix (4, 4) of position and quaternion x y z w."""
-    made = np.eye(4)
-    made[:3, :3], made[:3, 3] = rotation_of(pose[3:]), pose[:3]
-    return made
+    transform = np.eye(4)
+    transform[:3, :3], transform[:3, 3] = rotation_of(pose[3:]), pose[:3]
+    return transform
 
 
 def separate(file: str, placement: Placement) -> Iterator[tuple[str, str, list[float]]]:
@@ -86,13 +86,13 @@ def bodies_of(mujoco: Any, model: Any) -> Bodies:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     mujoco.mj_comPos(model, data)
-    found: Bodies = {}
+    bodies: Bodies = {}
     for body in range(1, model.nbody):
         inertia = np.diag(model.body_inertia[body])
         axes = data.ximat[body].reshape(3, 3)
         name = short(model.body(body).name)
-        found[name] = facts(model.body_mass[body], data.xipos[body], axes, inertia)
-    return found
+        bodies[name] = facts(model.body_mass[body], data.xipos[body], axes, inertia)
+    return bodies
 
 
 class Reader:
@@ -256,10 +256,10 @@ class Newton(Reader):
 
     def bodies(self) -> Bodies:
         masses, inertias = self.model.body_mass.numpy(), self.model.body_inertia.numpy()
-        poses, found = self.state.body_q.numpy(), dict[str, dict[str, Any]]()
+        poses, bodies = self.state.body_q.numpy(), dict[str, dict[str, Any]]()
         for i, (name, com) in enumerate(self.centres().items()):
-            found[name] = facts(masses[i], com, rotation_of(poses[i, 3:]), inertias[i])
-        return found
+            bodies[name] = facts(masses[i], com, rotation_of(poses[i, 3:]), inertias[i])
+        return bodies
 
     def reset(self) -> None:
         self.state, self.started = self.model.state(), self.rates.copy()
@@ -297,8 +297,8 @@ class Newton(Reader):
 
     def centres(self) -> dict[str, Any]:
         poses, coms = self.state.body_q.numpy(), self.model.body_com.numpy()
-        found = [p[:3] + rotation_of(p[3:]) @ c for p, c in zip(poses, coms, strict=True)]
-        return dict(zip(self.labels, found, strict=True))
+        centres = [p[:3] + rotation_of(p[3:]) @ c for p, c in zip(poses, coms, strict=True)]
+        return dict(zip(self.labels, centres, strict=True))
 
     def travel(self, joint: Any) -> float:
         at = int(self.model.joint_q_start.numpy()[joint])
@@ -347,13 +347,13 @@ class Drake(Reader):
         self.reset()
 
     def bodies(self) -> Bodies:
-        found: Bodies = {}
+        bodies: Bodies = {}
         for (name, body), com in zip(self.named.items(), self.centres().values(), strict=True):
             inertia = body.CalcSpatialInertiaInBodyFrame(self.context)
             about = inertia.Shift(inertia.get_com()).CalcRotationalInertia().CopyToFullMatrix3()
             axes = body.EvalPoseInWorld(self.context).rotation().matrix()
-            found[name] = facts(body.get_mass(self.context), com, axes, about)
-        return found
+            bodies[name] = facts(body.get_mass(self.context), com, axes, about)
+        return bodies
 
     def reset(self) -> None:
         self.simulator = load("pydrake.systems.analysis").Simulator(self.diagram)
@@ -385,11 +385,11 @@ class Drake(Reader):
         self.simulator.AdvanceTo(steps * self.step)
 
     def centres(self) -> dict[str, Any]:
-        found: dict[str, Any] = {}
+        centres: dict[str, Any] = {}
         for name, body in self.named.items():
             com = body.CalcCenterOfMassInBodyFrame(self.context)
-            found[name] = body.EvalPoseInWorld(self.context).multiply(com)
-        return found
+            centres[name] = body.EvalPoseInWorld(self.context).multiply(com)
+        return centres
 
     def travel(self, joint: Any) -> float:
         at = joint.position_start()
@@ -422,12 +422,12 @@ class Bullet(Reader):
         for robot in robots:
             self.links[p.getBodyInfo(robot)[0].decode()] = robot, -1
             for j in range(p.getNumJoints(robot)):
-                told = p.getJointInfo(robot, j)
-                self.links[told[12].decode()] = robot, j
-                if told[2] in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
+                info = p.getJointInfo(robot, j)
+                self.links[info[12].decode()] = robot, j
+                if info[2] in (p.JOINT_REVOLUTE, p.JOINT_PRISMATIC):
                     # Every joint has a motor that holds it: leave it the friction of the file.
-                    p.setJointMotorControl2(robot, j, p.VELOCITY_CONTROL, force=told[7])
-                    self.joints[told[1].decode()] = robot, j, p.getJointState(robot, j)[0]
+                    p.setJointMotorControl2(robot, j, p.VELOCITY_CONTROL, force=info[7])
+                    self.joints[info[1].decode()] = robot, j, p.getJointState(robot, j)[0]
 
     def frames(self) -> Iterator[tuple[str, tuple[int, int], Any, Any]]:
         """Yield name, reference, and position and quaternion of the frame of inertia."""
@@ -439,11 +439,11 @@ class Bullet(Reader):
             yield name, (robot, j), at, turn
 
     def bodies(self) -> Bodies:
-        found: Bodies = {}
+        bodies: Bodies = {}
         for name, link, at, turn in self.frames():
-            told = self.p.getDynamicsInfo(*link)
-            found[name] = facts(told[0], at, rotation_of(turn), np.diag(told[2]))
-        return found
+            info = self.p.getDynamicsInfo(*link)
+            bodies[name] = facts(info[0], at, rotation_of(turn), np.diag(info[2]))
+        return bodies
 
     def launch(self, name: str, velocity: list[float]) -> None:
         robot, j = self.links.get(name, (-1, -1))
@@ -490,17 +490,19 @@ class Pinocchio(Reader):
         self.reset()
 
     def bodies(self) -> Bodies:
-        pin, model, found = self.pin, self.model, dict[str, dict[str, Any]]()
+        pin, model, bodies = self.pin, self.model, dict[str, dict[str, Any]]()
         data = model.createData()
         pin.forwardKinematics(model, data, pin.neutral(model))
         for frame in model.frames:
             # The first body frame of a joint is its link; others are fixed to it.
             j = frame.parentJoint
             if frame.type == pin.FrameType.BODY and j and frame.placement.isIdentity(1e-9):
-                pose, held = data.oMi[j], model.inertias[j]
-                com = pose.act(held.lever)
-                found.setdefault(frame.name, facts(held.mass, com, pose.rotation, held.inertia))
-        return found
+                pose, inertia = data.oMi[j], model.inertias[j]
+                com = pose.act(inertia.lever)
+                bodies.setdefault(
+                    frame.name, facts(inertia.mass, com, pose.rotation, inertia.inertia)
+                )
+        return bodies
 
     def reset(self) -> None:
         self.q, self.v = self.pin.neutral(self.model), np.zeros(self.model.nv)
@@ -522,8 +524,8 @@ class Pinocchio(Reader):
             self.q = pin.integrate(model, self.q, self.step * self.v)
 
     def travel(self, joint: Any) -> float:
-        moved = self.pin.difference(self.model, self.pin.neutral(self.model), self.q)
-        return float(moved[joint.idx_v])
+        change = self.pin.difference(self.model, self.pin.neutral(self.model), self.q)
+        return float(change[joint.idx_v])
 
 
 READERS = {
@@ -539,9 +541,9 @@ READERS = {
 def run_job(job: Job) -> Job:
     """Run all experiments of a job."""
     reader = READERS[job["reader"]](job)
-    found: Job = {"version": version(reader.package), "bodies": reader.bodies()}
-    found["runs"] = {n: reader.run(e, job["seconds"]) for n, e in job["experiments"].items()}
-    return found
+    answer: Job = {"version": version(reader.package), "bodies": reader.bodies()}
+    answer["runs"] = {n: reader.run(e, job["seconds"]) for n, e in job["experiments"].items()}
+    return answer
 
 
 if __name__ == "__main__":

@@ -143,8 +143,8 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
     for body in range(1, model.nbody):
         kind = "floating" if model.body_jntnum[body] else "fixed"
         names = body_name(model, int(model.body_parentid[body])), body_name(model, body)
-        way = Pose.of(model.body_pos[body], model.body_quat[body])
-        add_joint(root, f"{names[1]}_mount", kind, names, way)
+        place = Pose.of(model.body_pos[body], model.body_quat[body])
+        add_joint(root, f"{names[1]}_mount", kind, names, place)
     return etree.tostring(root, encoding="unicode")
 
 
@@ -187,7 +187,7 @@ def pair_frictions(model: mujoco.MjModel) -> Array:
     The first is for Drake, which takes 2 a b / (a + b) of two geoms; the second for Bullet, which
     takes a b. A geom that touches nothing fixed has its own.
     """
-    found = np.repeat(model.geom_friction[:, :1], 2, axis=1)
+    frictions = np.repeat(model.geom_friction[:, :1], 2, axis=1)
     # A margin lets MuJoCo find what an object does not quite touch.
     model = copy(model)
     model.geom_margin[:] = model.body_margin[:] = RESTING
@@ -202,10 +202,13 @@ def pair_frictions(model: mujoco.MjModel) -> Array:
         # MuJoCo has combined the friction of the contact already.
         acting = float(found_contacts.friction[i, 0]) * (found_contacts.dim[i] > 1)
         own, support = geoms[::-1] if fixed[0] else geoms
-        theirs = max(float(model.geom_friction[support, 0]), 1e-3)
+        support_friction = max(float(model.geom_friction[support, 0]), 1e-3)
         # Solve both rules for the own friction; the harmonic mean is below 2 b.
-        found[own] = acting * theirs / max(2.0 * theirs - acting, 1e-3), acting / theirs
-    return found
+        frictions[own] = (
+            acting * support_friction / max(2.0 * support_friction - acting, 1e-3),
+            acting / support_friction,
+        )
+    return frictions
 
 
 def insets_of(model: mujoco.MjModel, geom: int) -> Iterable[Inset]:
@@ -270,11 +273,11 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
     name, above = body_name(model, body), int(model.body_parentid[body])
     parent = body_name(model, above)
     # From the parent's link to the body's frame.
-    way = link_offset(model, above).inverse()
-    way = way @ Pose.of(model.body_pos[body], model.body_quat[body])
+    pose = link_offset(model, above).inverse()
+    pose = pose @ Pose.of(model.body_pos[body], model.body_quat[body])
     first, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     if not count:
-        add_joint(root, f"{name}_mount", "fixed", (parent, name), way)
+        add_joint(root, f"{name}_mount", "fixed", (parent, name), pose)
     for joint in range(first, first + count):
         kind, attributes = joint_type(model, joint, written)
         at, joint_name = Pose.of(model.jnt_pos[joint]), model.joint(joint).name
@@ -286,10 +289,10 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
             inertia = SHARE * float(model.body_inertia[body].min()) * np.eye(3)
             add_inertial(link, Pose.of([0.0, 0.0, 0.0]), mass, inertia)
             written.notes.append(f"'{child}', between two joints, weighs {1e6 * mass:.3g} mg")
-        element = add_joint(root, joint_name, kind, (parent, child), way @ at)
+        element = add_joint(root, joint_name, kind, (parent, child), pose @ at)
         for tag, values in attributes.items():
             etree.SubElement(element, tag, values)
-        parent, way = child, at.inverse()
+        parent, pose = child, at.inverse()
     if link_offset(model, body).position.any():
         written.notes.append(f"the frame of the link '{name}' is at its joint")
 
@@ -325,11 +328,11 @@ def joint_type(
     return "revolute" if hinge else "prismatic", {**axis, "limit": bounds}
 
 
-def add_joint(root: Element, name: str, kind: str, links: tuple[str, str], way: Pose) -> Element:
+def add_joint(root: Element, name: str, kind: str, links: tuple[str, str], pose: Pose) -> Element:
     joint = etree.SubElement(root, "joint", {"name": name, "type": kind})
     for tag, link in zip(("parent", "child"), links, strict=True):
         etree.SubElement(joint, tag, {"link": link})
-    add_origin(joint, way)
+    add_origin(joint, pose)
     return joint
 
 

@@ -89,8 +89,8 @@ def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]
             friction = physics.MaterialAPI(material)
             sliding = float(friction.GetDynamicFrictionAttr().Get())
             stated = float(friction.GetStaticFrictionAttr().Get() or 0.0)
-            held = max(static.get(owner_name(prim), 0.0), sliding, stated)
-            friction.CreateStaticFrictionAttr(held)
+            static_friction = max(static.get(owner_name(prim), 0.0), sliding, stated)
+            friction.CreateStaticFrictionAttr(static_friction)
         elif prim.HasAPI(physics.RigidBodyAPI) and owner_name(prim) == WORLD:
             # Newton refuses fixed joints outside of articulations.
             below = list(_module("pxr.Usd").PrimRange(prim))[1:]
@@ -102,9 +102,11 @@ def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]
     # The converter must have kept every mass.
     kept = {name_of(p): physics.MassAPI(p).GetMassAttr().Get() for p in stage.Traverse()}
     for body in range(1, model.nbody):
-        mass, found = float(model.body_mass[body]), kept.get(model.body(body).name)
-        if mass and not np.isclose(found or 0.0, mass, rtol=1e-5):
-            raise ValueError(f"the mass of '{model.body(body).name}' is {found}, not {mass:.8g} kg")
+        mass, stated_mass = float(model.body_mass[body]), kept.get(model.body(body).name)
+        if mass and not np.isclose(stated_mass or 0.0, mass, rtol=1e-5):
+            raise ValueError(
+                f"the mass of '{model.body(body).name}' is {stated_mass}, not {mass:.8g} kg"
+            )
     stage.GetRootLayer().Save()
 
 
@@ -180,9 +182,9 @@ def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
         "contact pairs": spec.pairs,
         "sensors": spec.sensors,
     }
-    for kind, things in kinds.items():
-        if things:
-            yield f"{len(things)} {kind} are left out"
+    for kind, elements in kinds.items():
+        if elements:
+            yield f"{len(elements)} {kind} are left out"
 
 
 def name_of(prim: Any) -> str:

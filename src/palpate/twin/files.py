@@ -157,20 +157,20 @@ def with_absolute_folders(texts: Texts, document: Document, path: Path) -> Texts
     after = reparse(texts, document)
     assert after.folder is not None
     folder = after.folder.resolve()
-    made: dict[Path | None, dict[tuple[int, str], str]] = {}
+    values_of: dict[Path | None, dict[tuple[int, str], str]] = {}
     # Change a folder only if it would be another one from the new path.
     for compiler in after.root.iterfind("compiler"):
         place = after.index[compiler]
         for attribute in ("assetdir", "meshdir", "texturedir"):
             name = compiler.get(attribute) or ""
-            meant, found = (folder / name).resolve(), (path.parent / name).resolve()
-            if not meant.is_relative_to(folder) and found != meant:
-                made.setdefault(place.file, {})[place.number, attribute] = str(meant)
+            intended, located = (folder / name).resolve(), (path.parent / name).resolve()
+            if not intended.is_relative_to(folder) and located != intended:
+                values_of.setdefault(place.file, {})[place.number, attribute] = str(intended)
     parts = dict(texts.parts)
-    for file, values in made.items():
+    for file, values in values_of.items():
         if file is not None:
             parts[file] = with_values(parts.get(file, after.texts[file]), values)
-    return Texts(with_values(texts.main, made.get(None, {})), parts)
+    return Texts(with_values(texts.main, values_of.get(None, {})), parts)
 
 
 def with_values(text: str, values: Attributes) -> str:
@@ -203,8 +203,8 @@ class _Layout:
         below = all(self.same_place(original) is not None for original in after.files)
         for named in after.named:
             # Files of an attached model are found relative to its own place.
-            apart = (named.element.tag == "model" or named.model) and not below
-            if apart or Path(named.located).is_absolute():
+            separate = (named.element.tag == "model" or named.model) and not below
+            if separate or Path(named.located).is_absolute():
                 self.places[named.path] = named.path
         for original, text in texts.parts.items():
             self.change(original, text)
@@ -214,18 +214,18 @@ class _Layout:
 
     def texts(self) -> dict[Path, str]:
         """The main text and the changed files, by their new places."""
-        found = {self.path: self.with_new_names(None, self.after.text)}
+        texts = {self.path: self.with_new_names(None, self.after.text)}
         for original, text in self.changed.items():
-            found[self.places[original]] = self.with_new_names(original, text)
-        return found
+            texts[self.places[original]] = self.with_new_names(original, text)
+        return texts
 
     def copies(self) -> dict[Path, Path]:
         """New places of the unchanged files that must be copied."""
-        found: dict[Path, Path] = {}
+        copies: dict[Path, Path] = {}
         for original, place in self.places.items():
             if original not in self.changed and not place.exists():
-                found[original] = place
-        return found
+                copies[original] = place
+        return copies
 
     def rename_one(self) -> bool:
         """Change the first unchanged file whose text needs a new name; return False if there is none."""
@@ -241,8 +241,8 @@ class _Layout:
         self.changed[original] = text
         place = self.same_place(original)
         if place is None or place.exists():
-            beside = self.path.parent / original.name if place is None else place
-            place = beside.with_name(f"{self.path.stem}_{original.name}")
+            target = self.path.parent / original.name if place is None else place
+            place = target.with_name(f"{self.path.stem}_{original.name}")
             if place.exists():
                 raise InputError(f"'{place}' exists already: choose another name for the twin")
         self.places[original] = place
@@ -263,12 +263,12 @@ class _Layout:
         """True if MuJoCo would not find a file, relative to the main text or to the file that names it."""
         # Resolve the name as MuJoCo does: first relative to the main text.
         wanted = self.places[named.path]
-        found = Path(os.path.normpath(self.folder_of(named) / named.located))
+        located = Path(os.path.normpath(self.folder_of(named) / named.located))
         file = self.after.index[named.element].file
-        will_exist = found.exists() or found in self.places.values()
-        if file is not None and found != wanted and not will_exist:
-            found = Path(os.path.normpath(self.places[file].parent / named.name))
-        return found != wanted
+        will_exist = located.exists() or located in self.places.values()
+        if file is not None and located != wanted and not will_exist:
+            located = Path(os.path.normpath(self.places[file].parent / named.name))
+        return located != wanted
 
     def folder_of(self, named: Named) -> Path:
         """Folder to which a name is relative."""
@@ -283,7 +283,7 @@ class _Layout:
         return self.path.parent / original.relative_to(folder)
 
 
-def same_file(one: Path, other: Path) -> bool:
-    if one.samefile(other):
+def same_file(first: Path, other: Path) -> bool:
+    if first.samefile(other):
         return True
-    return one.stat().st_size == other.stat().st_size and one.read_bytes() == other.read_bytes()
+    return first.stat().st_size == other.stat().st_size and first.read_bytes() == other.read_bytes()

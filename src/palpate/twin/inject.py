@@ -131,11 +131,11 @@ def complete(
         if parameter not in fitting:
             has_verdict = parameter in reasons or parameter in asked
             what = ":" if has_verdict else " was not measured;"
-            held = f"the twin holds the assumed value {as_text(filled[parameter])}"
-            notes.append(f"{parameter}{what} {held}")
+            note = f"the twin holds the assumed value {as_text(filled[parameter])}"
+            notes.append(f"{parameter}{what} {note}")
     # Keyframes state whole poses, which stay.
-    moved = any(parameter.quantity in ("position", "height") for parameter in fitting)
-    if moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
+    is_moved = any(parameter.quantity in ("position", "height") for parameter in fitting)
+    if is_moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
         notes.append("the keyframes keep their stated poses")
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
     return Completed(texts, tuple(notes), unwritten)
@@ -175,22 +175,22 @@ def values_to_write(
             values[parameter] = tuple(part.value for part in parts)
             written = [" ± ".join(round_to_std(part.value, part.std)) for part in parts]
             text = written[0] if size == 1 else f"({', '.join(written)})"
-            held = f"the twin holds {text} {parts[0].unit or ''}".rstrip()
-            notes.append(f"{parameter} was not requested; {held}, from {estimate.parameter}")
+            note = f"the twin holds {text} {parts[0].unit or ''}".rstrip()
+            notes.append(f"{parameter} was not requested; {note}, from {estimate.parameter}")
     return values, notes
 
 
 def marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
     """List the missing parameters written as `?`, without which the file does not compile."""
-    found: list[Parameter] = []
+    parameters: list[Parameter] = []
     for body in description.bodies.values():
         for quantity in sorted(quantities.of(body.role), key=lambda quantity: quantity.id):
             if quantity.status(body) == "missing" and any(
                 slot.open_numbers(body.defaults.attribute(slot.element, slot.attribute))
                 for slot in quantity.slots(body.elements)
             ):
-                found.append(Parameter(body.name, quantity.id))
-    return found
+                parameters.append(Parameter(body.name, quantity.id))
+    return parameters
 
 
 def reason_against(
@@ -221,8 +221,8 @@ def _fill_unknowns(
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.complete_values(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
-    moved = tuple(moved_along(scene, description, fitting, records))
-    return _inject_values(description, scene.catalogue, filled, records, moved), filled
+    shifts = tuple(moved_along(scene, description, fitting, records))
+    return _inject_values(description, scene.catalogue, filled, records, shifts), filled
 
 
 def moved_along(
@@ -251,11 +251,11 @@ def _inject_values(
     quantities: Catalogue,
     values: Values,
     records: Sequence[Estimate],
-    moved: Sequence[Edit] = (),
+    shifts: Sequence[Edit] = (),
 ) -> Texts:
     # Edits of the values, of the moved bodies, and of unknowns without meaning.
     edits = list(changes(description.bodies, quantities, values, {}, deviations(records)))
-    edits += moved
+    edits += shifts
     edits += leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
     return replace(texts, main=write_records(texts.main, records))
@@ -326,10 +326,10 @@ def misread(
         if quantity.status(original) == "missing":
             written = np.array(quantity.prior(original, values).std) > 0.0
         # Tolerance: rounding, and a share of the standard deviation.
-        apart = np.abs(np.array(read) - value)[written]
+        error = np.abs(np.array(read) - value)[written]
         share = DIGITS if stated else TOGETHER
         allowed = ROUNDED * float(np.abs(value).max()) + share * std.get(parameter, 0.0)
-        if (apart > allowed).any():
+        if (error > allowed).any():
             wrote, got = (" ".join(f"{part:.6g}" for part in numbers) for numbers in (value, read))
             yield (
                 parameter,

@@ -62,8 +62,8 @@ def write_randomisation(estimates: Sequence[Estimate], folder: Path) -> tuple[Pa
         ("mjlab", MJLAB, mjlab_terms),
         ("isaaclab", ISAACLAB, isaaclab_terms),
     ):
-        said, left = _module(imports, estimates, terms)
-        (folder / f"{name}_events.py").write_text(said, "utf-8")
+        text, left = _module(imports, estimates, terms)
+        (folder / f"{name}_events.py").write_text(text, "utf-8")
         notes += [f"{name} has no term for {parameter}: see {RANGES}" for parameter in left]
     return file, notes
 
@@ -97,14 +97,14 @@ def covariance(estimates: Sequence[Estimate]) -> Array:
     first = 0
     for estimate in estimates:
         last = first + len(estimate.stds)
-        for one in estimate.shared:
-            causes.setdefault(one.cause, np.zeros(len(stds)))[first:last] = one.effect
+        for error in estimate.shared:
+            causes.setdefault(error.cause, np.zeros(len(stds)))[first:last] = error.effect
         first = last
     effects = np.array(list(causes.values())).reshape(-1, len(stds))
     # C = E^T E, with the total variances on the diagonal.
-    found = effects.T @ effects
-    np.fill_diagonal(found, stds**2)
-    return found
+    matrix = effects.T @ effects
+    np.fill_diagonal(matrix, stds**2)
+    return matrix
 
 
 def mjlab_terms(estimate: Estimate) -> Iterator[Term]:
@@ -147,16 +147,16 @@ def isaaclab_terms(estimate: Estimate) -> Iterator[Term]:
             yield "mdp.randomize_rigid_body_mass", {"body_names": ".*", **bounds}
         case "friction":
             # Static friction has its own interval where it was measured.
-            found = {"dynamic_friction_range": _bounds(estimate)}
+            ranges = {"dynamic_friction_range": _bounds(estimate)}
             static = estimate.parts.get("static")
-            widest = found["dynamic_friction_range"]
+            widest = ranges["dynamic_friction_range"]
             if static is not None:
                 half = Z95 * static.std
                 widest = _range(max(static.value - half, 0.0), static.value + half)
-            found |= {"static_friction_range": widest, "restitution_range": (0.0, 0.0)}
+            ranges |= {"static_friction_range": widest, "restitution_range": (0.0, 0.0)}
             yield (
                 "mdp.randomize_rigid_body_material",
-                {"body_names": ".*", **found, "num_buckets": 64, "make_consistent": True},
+                {"body_names": ".*", **ranges, "num_buckets": 64, "make_consistent": True},
             )
         case "com" | "com_3d":
             offsets = dict(zip("xyz", _offsets(estimate), strict=True))
@@ -183,8 +183,8 @@ def _bounds(estimate: Estimate) -> Range:
 
 def _offsets(estimate: Estimate) -> list[Range]:
     """Ends of each component's interval, relative to its value."""
-    apart = estimate.intervals - estimate.values[:, None]
-    return [_range(low, high) for low, high in apart.tolist()]
+    offsets = estimate.intervals - estimate.values[:, None]
+    return [_range(low, high) for low, high in offsets.tolist()]
 
 
 def _limits(estimate: Estimate) -> dict[int, Range]:
@@ -201,11 +201,11 @@ def _module(
     lines: list[str] = []
     left: list[str] = []
     # Mass first: `pseudo_inertia` resets the centre of mass to that of the model.
-    for estimate in sorted(estimates, key=lambda one: one.parameter.quantity != "mass"):
-        found = list(terms(estimate))
-        if not found:
+    for estimate in sorted(estimates, key=lambda estimate: estimate.parameter.quantity != "mass"):
+        calls = list(terms(estimate))
+        if not calls:
             left.append(str(estimate.parameter))
-        for function, parameters in found:
+        for function, parameters in calls:
             lines.append(_term(estimate, function, dict(parameters)))
     return HEADER.format(imports=imports, terms="\n".join(lines)), left
 

@@ -49,9 +49,9 @@ def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
         by_file.setdefault(document.index[element].file, []).append(edit)
     main = _rewritten(document, document.text, by_file.pop(None))
     parts: dict[Path, str] = {}
-    for file, made in by_file.items():
+    for file, changes in by_file.items():
         if file is not None:
-            parts[file] = _rewritten(document, document.texts[file], made)
+            parts[file] = _rewritten(document, document.texts[file], changes)
     return Texts(main, parts)
 
 
@@ -74,17 +74,17 @@ def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
                 now = written
             values[i, name] = edit.value(values.get((i, name), now))
     # Convert the values and inserts to changes of the text, and apply them.
-    made: list[TextChange] = []
+    changes: list[TextChange] = []
     for (i, name), value in values.items():
         if value is None:
-            made.append(remove_attribute(data, tags[i], name))
+            changes.append(remove_attribute(data, tags[i], name))
         else:
-            made.append(set_attribute(tags[i], name, value))
+            changes.append(set_attribute(tags[i], name, value))
     for insert in inserts:
         parent = tags[document.index[insert.parent].number]
         content = write_element(insert.tag, insert.attributes)
-        made.append(first_child(data, parent, content))
-    result = apply_changes(text, made)
+        changes.append(first_child(data, parent, content))
+    result = apply_changes(text, changes)
     require_same(document, text, result, values, inserts)
     return result
 
@@ -110,11 +110,11 @@ def require_same(
 
 def content_of(root: Element) -> list[tuple[str, dict[str, str]]]:
     """Name and attributes of every element, with normalized white space."""
-    found: list[tuple[str, dict[str, str]]] = []
+    content: list[tuple[str, dict[str, str]]] = []
     for element in elements(root):
         attributes = {str(key): " ".join(str(v).split()) for key, v in element.items()}
-        found.append((str(element.tag), attributes))
-    return found
+        content.append((str(element.tag), attributes))
+    return content
 
 
 def write_records(text: str, records: Sequence[Estimate]) -> str:
@@ -128,16 +128,16 @@ def write_records(text: str, records: Sequence[Estimate]) -> str:
     for tag in tags:
         if tag.name in ("numeric", "text") and tag.depth == 2:
             present[tag.value(data, "name")] = tag
-    made: list[TextChange] = []
+    changes: list[TextChange] = []
     added: list[str] = []
     for tag, name, content in entries_of(records):
         if name in present:
-            made.append(set_attribute(present[name], "data", content))
+            changes.append(set_attribute(present[name], "data", content))
         else:
             added.append(write_element(tag, {"name": name, "data": content}))
     if added:
-        made.append(_add_elements(data, tags, added))
-    return apply_changes(text, made)
+        changes.append(_add_elements(data, tags, added))
+    return apply_changes(text, changes)
 
 
 def entries_of(records: Iterable[Estimate]) -> Iterator[tuple[str, str, str]]:

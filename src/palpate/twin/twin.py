@@ -127,25 +127,25 @@ def build_twin(
     """
     # Write the values, and note the contradicted and the uncertain ones.
     written = [*held_by_twin(estimates), *on_the_way]
-    made = complete(scene, written, {estimate.parameter for estimate in estimates})
+    completed = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
     for estimate in estimates:
         if estimate.verdict == "contradicted":
             notes.append(f"{estimate.parameter} is not in the twin: {estimate.contradiction}")
         if estimate.verdict == "prior-dominated":
             note = f"{estimate.parameter} is prior-dominated: {estimate.doubt}"
-            if (held := estimate.physical) is not estimate:
-                note += f"; the twin holds {as_text(held.values)} {held.unit}, the mean of the possible values"
+            if (stated := estimate.physical) is not estimate:
+                note += f"; the twin holds {as_text(stated.values)} {stated.unit}, the mean of the possible values"
             notes.append(note)
     notes += pair_notes(scene, written)
     notes += [size_note(scene, estimate) for estimate in on_the_way]
-    notes += made.notes
+    notes += completed.notes
     # The twin is complete without a simulation, if that fails.
     document = scene.resolved.document
-    xml, diff = one_text(document, made.texts), diff_of(document, made.texts)
-    twin = Twin(xml, diff, tuple(notes), None, None, made.unwritten, document, made.texts)
+    xml, diff = one_text(document, completed.texts), diff_of(document, completed.texts)
+    twin = Twin(xml, diff, tuple(notes), None, None, completed.unwritten, document, completed.texts)
     try:
-        read = scene_from_text(made.texts, scene, measured_places(scene, written))
+        read = scene_from_text(completed.texts, scene, measured_places(scene, written))
         validation = validate(read, scene, trace, replay if written else None)
         notes += press_notes(read, written)
     except PalpateError as error:
@@ -233,11 +233,11 @@ def diff_of(document: Document, texts: Texts) -> str:
     pairs = [(document.text, texts.main, "scene.xml", "twin.xml")]
     for path, text in texts.parts.items():
         pairs.append((document.texts[path], text, path.name, path.name))
-    found = ""
+    diff = ""
     for before, after, name, new_name in pairs:
         lines, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
-        found += "".join(difflib.unified_diff(lines, new, name, new_name))
-    return found
+        diff += "".join(difflib.unified_diff(lines, new, name, new_name))
+    return diff
 
 
 def measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Pose]:
@@ -248,14 +248,14 @@ def measured_places(scene: Scene, estimates: Sequence[Estimate]) -> dict[str, Po
     # Raise the objects with their supports, then place those whose position was measured.
     values = {estimate.parameter: tuple(estimate.values.tolist()) for estimate in estimates}
     scene = at_heights(scene, values)
-    found: dict[str, Pose] = {}
+    poses: dict[str, Pose] = {}
     for name in scene.rises:
         if scene.resolved.description.bodies[name].given is not None:
-            found[name] = scene.bodies[name].pose_world
+            poses[name] = scene.bodies[name].pose_world
     for parameter, value in values.items():
         body = scene.bodies.get(parameter.object)
         quantity = scene.catalogue.get(parameter.quantity)
         pose = quantity.places(body, value) if body is not None and quantity is not None else None
         if body is not None and pose is not None:
-            found[body.name] = pose
-    return found
+            poses[body.name] = pose
+    return poses

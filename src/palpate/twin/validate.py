@@ -57,11 +57,13 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
         if not presses:
             continue
         # Word the presses: as measured, or with the interval that they miss.
-        forces = ", ".join(f"{one.force:.2g}" for one in presses)
-        depths = ", ".join(f"{1e3 * one.depth:.3g}" for one in presses)
+        forces = ", ".join(f"{press.force:.2g}" for press in presses)
+        depths = ", ".join(f"{1e3 * press.depth:.3g}" for press in presses)
         text = f"{name} under the fingertips with {forces} N yields by {depths} mm in the twin"
-        if not all(one.agrees for one in presses):
-            wanted = ", ".join(f"{1e3 * one.low:.3g} to {1e3 * one.high:.3g}" for one in presses)
+        if not all(press.agrees for press in presses):
+            wanted = ", ".join(
+                f"{1e3 * press.low:.3g} to {1e3 * press.high:.3g}" for press in presses
+            )
             yield f"{text}, where {wanted} mm were measured: its shapes or other contacts prevent it"
             continue
         yield (
@@ -77,13 +79,13 @@ def press(twin: Scene, estimate: Estimate) -> tuple[Press, ...]:
         return ()
     ((low, high),) = estimate.intervals.tolist()
     stiffness, deepest = float(estimate.values[0]), estimate.parts["depth"].value
-    found: list[Press] = []
+    presses: list[Press] = []
     # Hooke's law: the stiffness interval gives the interval of the depth at each force.
     for share in SHARES:
         force = share * stiffness * deepest
         depth = rest_depth(twin, estimate.parameter.object, force, stiffness)
-        found.append(Press(force, depth, force / high, force / low))
-    return tuple(found)
+        presses.append(Press(force, depth, force / high, force / low))
+    return tuple(presses)
 
 
 def rest_depth(twin: Scene, surface: str, force: float, stiffness: float) -> float:
@@ -223,9 +225,11 @@ def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
         replayed = replay()
     except PalpateError as error:
         return ReplayResidual(None, None, str(error))
-    made, wanted = len(replayed), len(recorded.recordings)
-    if made < wanted:
-        return ReplayResidual(None, None, f"the replay stopped after {made} of {wanted} recordings")
+    count, wanted = len(replayed), len(recorded.recordings)
+    if count < wanted:
+        return ReplayResidual(
+            None, None, f"the replay stopped after {count} of {wanted} recordings"
+        )
     return compare(recorded, replayed)
 
 
@@ -233,17 +237,19 @@ def compare(recorded: Trace, replayed: Felt) -> ReplayResidual:
     """Residual between a trace and a replay of the same plan, recording by recording."""
     # Root mean squares, separately for forces and positions.
     buffers = np.array([recording.buffer for recording in recorded.recordings])
-    apart = np.reshape(np.subtract(mean_recordings(recorded), replayed[: len(buffers)]), (-1, 3))
-    return ReplayResidual(rms(apart[buffers == FORCES]), rms(apart[buffers != FORCES]))
+    difference = np.reshape(
+        np.subtract(mean_recordings(recorded), replayed[: len(buffers)]), (-1, 3)
+    )
+    return ReplayResidual(rms(difference[buffers == FORCES]), rms(difference[buffers != FORCES]))
 
 
 def mean_recordings(trace: Trace) -> Felt:
     """Means of the recordings that are compared."""
     return [
-        mean_force(trace, one)
-        if one.buffer == FORCES
-        else trace.of(one).pose_world_tcp[:, :3].mean(axis=0)
-        for one in trace.recordings
+        mean_force(trace, recording)
+        if recording.buffer == FORCES
+        else trace.of(recording).pose_world_tcp[:, :3].mean(axis=0)
+        for recording in trace.recordings
     ]
 
 

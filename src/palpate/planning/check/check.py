@@ -138,14 +138,14 @@ def unpassable_regions(
             # One new fault per pose is enough.
             other = Walk.over(case, reachable, {name: place})
             added = (f for f in all_findings(case, other) if (f.path, f.rule) not in known)
-            if (found := next(added, None)) is not None:
-                problem = found.message.partition("; ")[0]
+            if (reached := next(added, None)) is not None:
+                problem = reached.message.partition("; ")[0]
                 message = (
                     f"'{name}' is estimated in the run, between {1e3 * line.least:.0f} and "
                     f"{1e3 * line.most:.0f} mm along; at {1e3 * place:.0f} mm {problem}; use "
                     f"'{symbols.subjects[name]}_pose' with a free offset instead"
                 )
-                yield replace(found, message=message)
+                yield replace(reached, message=message)
                 break
 
 
@@ -231,20 +231,20 @@ def check(
     """
     asked = tuple(requested) if requested is not None else None
     case = CheckedPlan(plan, words or vocabulary(), scene, remeasure, asked, repeated)
-    found: list[Finding] = []
+    findings: list[Finding] = []
     # Test the text of the plan first: this needs no scene.
     for id, rule in (REJECTION_RULES if plan.tree is None else PLAN_RULES).items():
-        found += [Finding(path, id, message) for path, message in rule(case)]
+        findings += [Finding(path, id, message) for path, message in rule(case)]
     # Without a tree there is nothing to walk over.
     if plan.tree is None:
-        return tuple(found)
+        return tuple(findings)
     # Walk over the symbolic states, then apply the rules on whole plans.
     if scene is not None:
         walk = Walk.over(case, reachable)
-        found += walk.findings
-        found += () if walk.full else unpassable_regions(case, walk, reachable)
+        findings += walk.findings
+        findings += () if walk.full else unpassable_regions(case, walk, reachable)
         for id, judged in WALK_RULES.items() if not walk.full else ():
             # Rules on complete plans need every action to be readable.
             if not (walk.unread and id in COMPLETE_RULES):
-                found += [Finding(path, id, message) for path, message in judged(case, walk)]
-    return tuple(dict.fromkeys(found))[:MAX_FINDINGS]
+                findings += [Finding(path, id, message) for path, message in judged(case, walk)]
+    return tuple(dict.fromkeys(findings))[:MAX_FINDINGS]

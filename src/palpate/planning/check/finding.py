@@ -53,13 +53,13 @@ class Form:
 
     def owners(self, path: str) -> dict[str, list[str]]:
         """Return the moving leaves below `path` by claimed resource, as relative paths."""
-        found: dict[str, list[str]] = {}
+        paths_of: dict[str, list[str]] = {}
         for where, primitive in self.primitives.items():
             # Only leaves strictly below the path count.
             if where.startswith(f"{path}."):
                 for resource in sorted(primitive.claims):
-                    found.setdefault(resource, []).append(where.removeprefix(f"{path}."))
-        return found
+                    paths_of.setdefault(resource, []).append(where.removeprefix(f"{path}."))
+        return paths_of
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,9 +142,9 @@ def cause(finding: Finding) -> Hashable:
 def line(finding: Finding, paths: Iterable[str]) -> str:
     """Format a finding with its further paths."""
     others = [path for path in dict.fromkeys(paths) if path != finding.path]
-    said = f"{finding.rule}: {finding.message}"
+    text = f"{finding.rule}: {finding.message}"
     if not others:
-        return f"{finding.path}, {said}"
+        return f"{finding.path}, {text}"
     # The paths come first, because a long message may be cut. Their number is limited.
     more = f" and {len(others) - SHOWN} more" if len(others) > SHOWN else ""
-    return f"{finding.path} (the same at {', '.join(others[:SHOWN])}{more}), {said}"
+    return f"{finding.path} (the same at {', '.join(others[:SHOWN])}{more}), {text}"

@@ -25,9 +25,11 @@ def unknown_parameter(case: CheckedPlan) -> Iterator[Fault]:
     for path, parameter in case.iter_parameters():
         if parameter.quantity not in catalogue():
             # A synonym in a request ("weight") is a better guess than a similar spelling.
-            meant = catalogue().meant(parameter.quantity)
+            intended = catalogue().meant(parameter.quantity)
             guess = (
-                f" did you mean '{meant}'?" if meant else perhaps(parameter.quantity, catalogue())
+                f" did you mean '{intended}'?"
+                if intended
+                else perhaps(parameter.quantity, catalogue())
             )
             valid = ", ".join(catalogue())
             yield path, f"'{parameter.quantity[:80]}' is not a quantity;{guess} valid: {valid}"
@@ -140,14 +142,14 @@ def bad_argument(case: CheckedPlan) -> Iterator[Fault]:
         elif node.type in case.words.composites:
             # A composite takes children and a name only.
             given = ", ".join(repr(key[:40]) for key, _ in node.args if key not in reported)
-            meant = "" if node.children else "; did you mean 'children'?"
+            guess = "" if node.children else "; did you mean 'children'?"
             if given:
-                yield path, f"{node.type} takes only 'children' and 'name', not {given}{meant}"
+                yield path, f"{node.type} takes only 'children' and 'name', not {given}{guess}"
 
 
 def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
     """Return undeclared arguments with the paths of their nodes; a misspelt argument is left out."""
-    found: dict[str, list[str]] = {}
+    paths_of: dict[str, list[str]] = {}
     for path, node in case.form.nodes.items():
         refused = case.form.refused.get(path)
         names: list[str] = []
@@ -155,13 +157,13 @@ def strange_arguments(case: CheckedPlan) -> Iterable[tuple[str, list[str]]]:
         if isinstance(refused, ValidationError):
             problems = refused.errors(include_url=False)
             if all(problem["type"] != "missing" for problem in problems):
-                extra = (one for one in problems if one["type"] == "extra_forbidden")
-                names = [str(one["loc"][0]) for one in extra]
+                extra = (problem for problem in problems if problem["type"] == "extra_forbidden")
+                names = [str(problem["loc"][0]) for problem in extra]
         elif node.type in case.words.composites:
             names = [name for name, _ in node.args]
         for name in names:
-            found.setdefault(name, []).append(path)
-    return found.items()
+            paths_of.setdefault(name, []).append(path)
+    return paths_of.items()
 
 
 def argument_problems(
@@ -178,10 +180,14 @@ def argument_problems(
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
     every = error.errors(include_url=False)
-    problems = [one for one in every if reported.isdisjoint(map(str, one["loc"][:1]))][:3]
+    problems = [problem for problem in every if reported.isdisjoint(map(str, problem["loc"][:1]))][
+        :3
+    ]
     lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
     # One undeclared argument and one missing: most likely the name is misspelt.
-    misspelt = len(lacking) == 1 and any(one["type"] == "extra_forbidden" for one in problems)
+    misspelt = len(lacking) == 1 and any(
+        problem["type"] == "extra_forbidden" for problem in problems
+    )
     for problem in problems:
         if misspelt and problem["type"] == "missing":
             continue
@@ -266,17 +272,17 @@ def measure_no_stated_value(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
 def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
     """Require that each measurement and recording is made once and serves a parameter."""
     # Conversions: each parameter once, and only those of the plan.
-    made: set[Parameter] = set()
+    measured: set[Parameter] = set()
     for action, parameter in walk.conversions():
         if not is_stray(parameter, case):
-            if parameter in made and not case.repeated:
+            if parameter in measured and not case.repeated:
                 yield action.path, f"{parameter} is already measured; remove this"
             elif parameter not in case.plan.parameters and not case.is_unclear:
                 yield (
                     action.path,
                     f"this yields {parameter}, which is not a parameter; remove it",
                 )
-        made.add(parameter)
+        measured.add(parameter)
     # Recordings that serve no parameter. A slide with a finding is skipped: it will change.
     for action in unused_recordings(case, walk):
         if not walk.has_doubt_about(action.path):
@@ -329,7 +335,7 @@ def parameters_not_measured(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
         if not (case.exists(parameter) and case.is_of_its_kind(parameter)):
             continue
         # It may follow from an earlier finding, unless no action of the tree converts the quantity.
-        converted = {one.measures.id for one in case.form.primitives.values() if one.measures}
+        converted = {p.measures.id for p in case.form.primitives.values() if p.measures}
         if walk.failed and (quantity.derived or quantity.id in converted):
             continue
         # Explain the missing measurement: missing recordings, or the method.

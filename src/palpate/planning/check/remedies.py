@@ -30,7 +30,7 @@ SIDES = (("x_offset", 1), ("x_offset", -1), ("y_offset", 1), ("y_offset", -1))
 
 
 def offer_remedies(
-    primitive: Primitive, before: SymbolicState, found: Sequence[Violation]
+    primitive: Primitive, before: SymbolicState, violations: Sequence[Violation]
 ) -> list[Violation]:
     """Replace the advice on collisions by a path that avoids them, if one exists.
 
@@ -39,15 +39,15 @@ def offer_remedies(
     # A collision message with "first", such as opening the fingers first, already has a remedy.
     colliding = [
         each
-        for each in found
+        for each in violations
         if each.rule in COLLIDING and not (each.rule == "collision" and " first" in each.message)
     ]
     path = alternative(primitive, before) if colliding else ""
     if not path:
-        return list(found)
+        return list(violations)
     # Keep the statement of each problem and replace its advice.
     changed: list[Violation] = []
-    for each in found:
+    for each in violations:
         problem = each.message.partition("; ")[0]
         if each is colliding[0]:
             each = replace(each, message=f"{problem}; {path}")
@@ -95,10 +95,10 @@ def is_free(motions: Sequence[MovePose], state: SymbolicState) -> bool:
 def raise_expression(expression: str, state: SymbolicState) -> list[str]:
     """Return the same pose at greater heights, lowest first; empty for an unknown pose."""
     try:
-        here = state.scene.symbols.parse(expression)
+        symbol = state.scene.symbols.parse(expression)
     except InputError:
         return []
-    return [str(here.shift("z_offset", factor)) for factor in HIGHER]
+    return [str(symbol.shift("z_offset", factor)) for factor in HIGHER]
 
 
 def unfelt_slide(before: SymbolicState, after: SymbolicState) -> Violation | None:
@@ -151,13 +151,13 @@ def level_poses(state: SymbolicState) -> Iterator[PoseExpression]:
     """Yield poses at the same height, one slide length away."""
     symbols = state.scene.symbols
     try:
-        here = symbols.parse(state.at or "")
+        symbol = symbols.parse(state.at or "")
     except InputError:
         return
     # Comfortable lengths in all directions first, then lengths near the minimum.
     for length in COMFORTABLE:
         for offset, sign in SIDES:
-            size = float(np.linalg.norm(symbols.offset(offset, here.name)))
+            size = float(np.linalg.norm(symbols.offset(offset, symbol.name)))
             # Round up to tenths of an offset.
             factor = math.ceil(10 * length * MIN_SLIDE / max(size, 1e-3)) / 10
-            yield here.shift(offset, sign * factor)
+            yield symbol.shift(offset, sign * factor)

@@ -53,8 +53,8 @@ class WalkedAction:
     @property
     def grasps(self) -> str | None:
         """Object that it grasps, if any."""
-        held = self.after.holding
-        return held if held != self.before.holding else None
+        name = self.after.holding
+        return name if name != self.before.holding else None
 
 
 @dataclass(eq=False)
@@ -117,8 +117,8 @@ class Walk:
     def has_doubt_about(self, path: str) -> bool:
         """True if a leaf logs a slide that has a finding, so its recording will change."""
         return any(
-            found.rule == "short-slide" and path.startswith(f"{found.path}.")
-            for found in self.findings
+            finding.rule == "short-slide" and path.startswith(f"{finding.path}.")
+            for finding in self.findings
         )
 
     def _walk(self, path: str, node: Node) -> None:
@@ -182,9 +182,9 @@ class Walk:
                 continue
             firsts[where] = first
             # The fingers neither grasp nor release during an arm motion.
-            held = {end.holding for end in ends} - {before.holding}
-            if len(moving) > 1 and "gripper" in primitive.claims and held:
-                name = before.holding or max(filter(None, held))
+            names = {end.holding for end in ends} - {before.holding}
+            if len(moving) > 1 and "gripper" in primitive.claims and names:
+                name = before.holding or max(filter(None, names))
                 message = f"the fingers would grasp or release '{name}' while the arm moves; put both into a Sequence"
                 self.findings.append(Finding(path, "gripper-state", message))
                 return
@@ -218,14 +218,16 @@ class Walk:
         if self.full:
             return set()
         if self._astray and "arm" in primitive.claims:
-            found = primitive.requires(before)  # no path leads from an unreachable pose
+            violations = primitive.requires(before)  # no path leads from an unreachable pose
         else:
-            found = primitive.violations(before)
+            violations = primitive.violations(before)
         # Suppress findings that only follow from earlier ones.
-        reported = [violation for violation in found if not self._follows(primitive, violation)]
+        reported = [
+            violation for violation in violations if not self._follows(primitive, violation)
+        ]
         for violation in offer_remedies(primitive, before, reported):
             self.findings.append(Finding(path, violation.rule, violation.message))
-        return {violation.rule for violation in found}
+        return {violation.rule for violation in violations}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
         """True if a violation may follow from an earlier fault; it is not reported then."""

@@ -189,19 +189,19 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
             follows, because the plan before it may be a draft.
     """
     # Keep the last plan, and the error of the longest broken object.
-    found: tuple[str, dict[str, Any]] | None = None
+    candidate: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
     for start, end, whole, fault in decoded_objects(text):
         value = unwrap_plan(whole)
         if is_plan(value):  # the first may be a draft: keep the last
-            found = (text[start:end], cast("dict[str, Any]", value))
-        elif found and "breaks off" in fault:
+            candidate = (text[start:end], cast("dict[str, Any]", value))
+        elif candidate and "breaks off" in fault:
             raise InputError(fault)
         elif end - start > furthest:
             furthest, problem = end - start, fault
-    if found is not None:
-        return found
+    if candidate is not None:
+        return candidate
     # Try repairs only if no object is valid as written.
     for opening in islice(
         _BRACE.finditer(text if len(text) <= LARGEST_REPAIRED else ""), MAX_REPAIRED
@@ -297,7 +297,7 @@ def scene_objects(value: object) -> tuple[SceneObject, ...]:
     items = cast("Sequence[object]", value)
     if len(items) > MAX_OBJECTS:
         raise InputError(f"scene: lists {len(items)} objects, more than {MAX_OBJECTS}")
-    found: list[SceneObject] = []
+    objects: list[SceneObject] = []
     for i, item in enumerate(items):
         try:
             # Keys are redacted before any text is stored.
@@ -307,5 +307,5 @@ def scene_objects(value: object) -> tuple[SceneObject, ...]:
             first = error.errors()[0]
             place = ".".join(str(part) for part in first["loc"]) or "object"
             raise InputError(f"scene[{i}]: {place}: {first['msg'][:200]}") from None
-        found.append(SceneObject(read.name, read.shape, read.bbox, read.height, read.outline))
-    return tuple(found)
+        objects.append(SceneObject(read.name, read.shape, read.bbox, read.height, read.outline))
+    return tuple(objects)

@@ -111,10 +111,10 @@ class Conversation:
     def answers(self) -> list[Answer]:
         """All answers, including that of a critic."""
         # The critic's answer counts towards cost and tokens.
-        found = [r.answer for r in self.rounds]
+        answers = [r.answer for r in self.rounds]
         if self.critique is not None and self.critique.answer is not None:
-            found.append(self.critique.answer)
-        return found
+            answers.append(self.critique.answer)
+        return answers
 
     @property
     def tokens(self) -> int:

@@ -79,13 +79,13 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
 def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
     """State the models of the server, and if the chosen one is among them."""
     more = f" and {len(models) - LISTED} more" if len(models) > LISTED else ""
-    there = f"{', '.join(models[:LISTED])}{more}" or "none"
+    listing = f"{', '.join(models[:LISTED])}{more}" or "none"
     if not model:
-        return bool(models), "models", f"{there}; choose one: --planner {provider.name}:MODEL"
+        return bool(models), "models", f"{listing}; choose one: --planner {provider.name}:MODEL"
     if model in models or f"{model}:latest" in models:
         return True, "models", f"'{model}' and {len(models) - 1} others"
     get = f"; ollama pull {model}" if provider.name == "ollama" else ""
-    return False, "models", f"there is no '{model}'; there are: {there}{get}"
+    return False, "models", f"there is no '{model}'; there are: {listing}{get}"
 
 
 def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
@@ -102,21 +102,21 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
         return " ".join(answer.text.split())[:60], answer
 
     try:
-        said, answer = ask(PING)
+        reply, answer = ask(PING)
     except Unavailable as error:
         yield False, "answer", str(error)
         return
     of = answer.model or endpoint.model  # the name may be an alias
-    yield bool(said), "answer", f"'{said}' in {answer.seconds:.1f} s from {of}"
+    yield bool(reply), "answer", f"'{reply}' in {answer.seconds:.1f} s from {of}"
     # Servers with a short context silently drop the beginning of a long text.
     text = fence(system_prompt(vocabulary()))
     question = "Which word was to be remembered? Answer with it alone."
     try:
-        said, answer = ask(f"Remember the word {WORD}.\n\n{text}\n\n{question}")
+        reply, answer = ask(f"Remember the word {WORD}.\n\n{text}\n\n{question}")
     except Unavailable as error:
         yield False, "context", f"{error}; give the model a longer one"
     else:
-        remembered = WORD in said.lower()
+        remembered = WORD in reply.lower()
         yield (
             remembered,
             "context",
@@ -130,11 +130,11 @@ def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     red = io.BytesIO()
     Image.new("RGB", (SIDE, SIDE), (220, 20, 20)).save(red, "JPEG")
     try:
-        said, _ = ask(COLOUR, Picture(red.getvalue(), SIDE, SIDE))
+        reply, _ = ask(COLOUR, Picture(red.getvalue(), SIDE, SIDE))
     except Unavailable as error:
         yield False, "pictures", f"{error}; take a model that sees, or --without image"
     else:
-        yield "red" in said.lower(), "pictures", f"a red one is called '{said}'"
+        yield "red" in reply.lower(), "pictures", f"a red one is called '{reply}'"
 
 
 def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:

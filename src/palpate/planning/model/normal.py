@@ -225,35 +225,35 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         InputError: a tree written as text is nested too deep, or has a duplicate field.
     """
     # Field names first, then parameters, outcome and tree.
-    found = lower_keys(document)
-    if "nodes" not in found:
-        rename(found, "tree", TREE)
-    rename(found, "parameters", PARAMETERS)
-    if "parameters" in found:
-        found["parameters"] = normalized_parameters(found["parameters"])
-    if isinstance(found.get("outcome"), str):
-        found["outcome"] = found["outcome"].strip().lower()
+    fields = lower_keys(document)
+    if "nodes" not in fields:
+        rename(fields, "tree", TREE)
+    rename(fields, "parameters", PARAMETERS)
+    if "parameters" in fields:
+        fields["parameters"] = normalized_parameters(fields["parameters"])
+    if isinstance(fields.get("outcome"), str):
+        fields["outcome"] = fields["outcome"].strip().lower()
     # `nodes` is the flat form, or a synonym of `tree`.
-    nodes = found.get("nodes")
+    nodes = fields.get("nodes")
     if isinstance(nodes, list):
         listed = cast("list[object]", nodes)
-        if "tree" not in found and listed and not is_flat(listed):
-            found["tree"] = found.pop("nodes")
+        if "tree" not in fields and listed and not is_flat(listed):
+            fields["tree"] = fields.pop("nodes")
         else:
-            found["nodes"] = numbered([normalized_flat_node(node) for node in listed])
-    if "tree" in found:
-        found["tree"] = normalized_tree(from_text(found["tree"]))
-    return found
+            fields["nodes"] = numbered([normalized_flat_node(node) for node in listed])
+    if "tree" in fields:
+        fields["tree"] = normalized_tree(from_text(fields["tree"]))
+    return fields
 
 
 def lower_keys(fields: Mapping[str, Any]) -> dict[str, Any]:
     """Rename fields to lower case if the result is a known and unused field name."""
-    found: dict[str, Any] = {}
+    lowered: dict[str, Any] = {}
     for key, value in fields.items():
         name = key.strip().lower()
         known = name in _FIELDS and (name == key or name not in fields)
-        found[name if known else key] = value
-    return found
+        lowered[name if known else key] = value
+    return lowered
 
 
 def rename(fields: dict[str, Any], name: str, others: Sequence[str]) -> None:
@@ -368,13 +368,13 @@ def spelled_out(value: object) -> object:
         return _node(call[1], [(name, text.strip(" '\"")) for name, text in texts], value)
     if not isinstance(value, dict) or len(fields := cast("dict[str, Any]", value)) != 1:
         return cast("object", value)
-    ((key, held),) = fields.items()
-    if isinstance(held, list) and plain(key) in types():
-        return {"type": key, "children": cast("list[object]", held)}
-    if isinstance(held, dict):
-        return _node(key, list(cast("dict[str, object]", held).items()), fields)
+    ((key, content),) = fields.items()
+    if isinstance(content, list) and plain(key) in types():
+        return {"type": key, "children": cast("list[object]", content)}
+    if isinstance(content, dict):
+        return _node(key, list(cast("dict[str, object]", content).items()), fields)
     alone: list[tuple[str, object]] = (
-        [] if held in (None, "", True) else [("", cast("object", held))]
+        [] if content in (None, "", True) else [("", cast("object", content))]
     )
     return _node(key, alone, fields)
 
@@ -402,10 +402,10 @@ def numbered(nodes: Sequence[object]) -> list[object]:
     found: list[object] = []
     for node in known:
         below = children_of(node)
-        if not any("children" in one for one in known):
-            below = [one["id"] for one in known if one.get("parent") == node["id"]]
+        if not any("children" in item for item in known):
+            below = [item["id"] for item in known if item.get("parent") == node["id"]]
         rest = {key: each for key, each in node.items() if key != "parent"}
-        below = [places.get(one, one) if isinstance(one, int | str) else one for one in below]
+        below = [places.get(item, item) if isinstance(item, int | str) else item for item in below]
         found.append({**rest, "id": places[node["id"]], "children": below})
     return found
 
@@ -422,11 +422,15 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     own = fields_of(types().get(plain(node.get("type"))))
     # Move wrapped arguments to the level of the type, unless names collide.
     for box in BOXES:
-        held: object = node.get(box)
-        if isinstance(held, list) and box not in own and len(cast("list[Any]", held)) <= len(own):
-            held = dict(zip(own, cast("list[Any]", held), strict=False))
-        if isinstance(held, dict) and box not in own:
-            inner = lower_keys(cast("dict[str, Any]", held))
+        content: object = node.get(box)
+        if (
+            isinstance(content, list)
+            and box not in own
+            and len(cast("list[Any]", content)) <= len(own)
+        ):
+            content = dict(zip(own, cast("list[Any]", content), strict=False))
+        if isinstance(content, dict) and box not in own:
+            inner = lower_keys(cast("dict[str, Any]", content))
             if not inner.keys() & node.keys():
                 del node[box]
                 node |= inner
@@ -486,19 +490,19 @@ def types() -> Mapping[str, str]:
     names: dict[str, list[str]] = {}
     for name in (*words.primitives, *words.composites):
         names.setdefault(plain(name), []).append(name)
-    return {key: found[0] for key, found in names.items() if len(found) == 1}
+    return {key: matches[0] for key, matches in names.items() if len(matches) == 1}
 
 
 @cache
 def arguments(name: str) -> Mapping[str, Mapping[str, str]]:
     """Return the arguments of a primitive, each with its choices by lower-case name."""
-    found: dict[str, dict[str, str]] = {}
+    choices_of: dict[str, dict[str, str]] = {}
     for field, schema in vocabulary().primitives[name].model_json_schema()["properties"].items():
         # Choices are enumerations in any branch of the schema.
         forms = schema.get("anyOf", [schema])
         choices = [value for form in forms for value in form.get("enum", ())]
-        found[field] = {str(choice).lower(): choice for choice in choices}
-    return found
+        choices_of[field] = {str(choice).lower(): choice for choice in choices}
+    return choices_of
 
 
 def fields_of(type: object) -> Mapping[str, Mapping[str, str]]:

@@ -172,11 +172,16 @@ class VlmPlanner:
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested_parameters(None, scene, self.remeasure, self.measure)
         # Rehearse in physics only a plan that passes the check.
-        found = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        if not found and plan.tree is not None and scene is not None and self.rehearse is not None:
+        findings = check(plan, scene, remeasure=self.remeasure, requested=wanted)
+        if (
+            not findings
+            and plan.tree is not None
+            and scene is not None
+            and self.rehearse is not None
+        ):
             harm = self.rehearse(plan, scene)
-            found = () if harm is None else (harm,)
-        return digest(found)
+            findings = () if harm is None else (harm,)
+        return digest(findings)
 
     def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
         """Return a question about a plan that lacks parameters requested by the grammar's reading.
@@ -191,7 +196,7 @@ class VlmPlanner:
         )
         # Compare by known quantity, because several quantities may state the same value.
         quantities = scene.catalogue
-        has = {(one.object, quantities[one.quantity].known_as()) for one in plan.parameters}
+        has = {(item.object, quantities[item.quantity].known_as()) for item in plan.parameters}
         lacking = [p for p in read if (p.object, quantities[p.quantity].known_as()) not in has]
         if not lacking or assemble(scene, lacking).failed:
             return None

@@ -49,7 +49,7 @@ def strip_rendering(text: str, comments: bool) -> str:
 
 
 def _without_rendering(text: str) -> str:
-    data, found, end = text.encode("utf-8"), list[TextChange](), 0
+    data, changes, end = text.encode("utf-8"), list[TextChange](), 0
     for tag in scan(text):
         if tag.start < end:  # inside a removed element
             continue
@@ -59,11 +59,11 @@ def _without_rendering(text: str) -> str:
         if tag.name in RENDERED or (
             material and not {*tag.attributes} - {"name", "class", *shading}
         ):
-            found.append(TextChange(len(data[: tag.start].rstrip()), tag.last, ""))
+            changes.append(TextChange(len(data[: tag.start].rstrip()), tag.last, ""))
             end = tag.last
         elif material:
-            found += [remove_attribute(data, tag, name) for name in shading]
-    return apply_changes(text, found)
+            changes += [remove_attribute(data, tag, name) for name in shading]
+    return apply_changes(text, changes)
 
 
 def _without_empty(text: str) -> str:
@@ -367,9 +367,9 @@ def primitive_entry(primitive: type[Primitive], style: Style) -> str:
     """Line of a primitive: signature, docstring, buffer and arguments."""
     fields = primitive.model_fields
     # The lean style has the capability alone, without the method.
-    said = primitive.summary() if style == "full" else primitive.capability()
-    entry = f"- {primitive.__name__}({', '.join(fields)}): {said}"
-    if primitive.reads and primitive.reads not in said:
+    summary = primitive.summary() if style == "full" else primitive.capability()
+    entry = f"- {primitive.__name__}({', '.join(fields)}): {summary}"
+    if primitive.reads and primitive.reads not in summary:
         entry += f" Reads `{primitive.reads}`."
     schemas = primitive.model_json_schema().get("properties", {})
     arguments = "; ".join(
@@ -433,7 +433,7 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
     """Section with the robot dimensions and limits that the check uses."""
     hand, limits = arm.hand, arm.limits
     half_x, half_y = hand.half_extents
-    beside = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
+    half_width = hand.opening / 2 + hand.finger  # from the middle to the outside of an open finger
     low, high = limits.workspace_min.tolist(), limits.workspace_max.tolist()
     within = (f"{axis} {a:.3g} to {b:.3g} m" for axis, a, b in zip("xyz", low, high, strict=True))
     # Hand geometry for clearances, then payload and workspace.
@@ -442,7 +442,7 @@ def robot_section(arm: RobotDescription, pose_world_base: Pose | None) -> str:
         "Hand, pointing down: the gripper's pose is that of the point between its fingertips; "
         f"{mm(hand.opening)} between the open fingers, which close along the gripper's y; the palm is "
         f"{mm(hand.palm)} above the fingertips, which end {mm(arm.tip)} beyond that point. "
-        f"At a grasp the open fingers take up {mm(beside)} to either "
+        f"At a grasp the open fingers take up {mm(half_width)} to either "
         f"side along y and {mm(hand.pad)} along x, above the palm the hand {mm(half_y)} and {mm(half_x)}: "
         "whatever else reaches in there blocks.",
         f"Payload {limits.payload:g} kg. The gripper's point stays, from the base, within "

@@ -281,21 +281,21 @@ def complete_reply(body: bytes) -> bytes:
     choices: Any = reply.get("choices")
     error = reply.get("error")
     if error and not (choices or reply.get("candidates") or reply.get("content")):
-        said: Any = (
+        message: Any = (
             cast("dict[str, Any]", error).get("message", error)
             if isinstance(error, dict)
             else error
         )
-        raise ReportedError(redact(" ".join(str(said).split()))[:200])
+        raise ReportedError(redact(" ".join(str(message).split()))[:200])
     if not isinstance(choices, list):
         return body
     # Fields that the SDK requires, and that carry nothing for a plan.
     whole = {"id": "none", "object": "chat.completion", "created": 0, "model": "unknown"} | reply
     for i, choice in enumerate(cast("list[Any]", choices)):
         if isinstance(choice, dict):
-            one = cast("dict[str, Any]", choice)
-            one.setdefault("index", i)
-            one["finish_reason"] = one.get("finish_reason") or "stop"
+            completed = cast("dict[str, Any]", choice)
+            completed.setdefault("index", i)
+            completed["finish_reason"] = completed.get("finish_reason") or "stop"
     return json.dumps(whole).encode()
 
 
@@ -305,7 +305,9 @@ def _joined_events(body: bytes) -> dict[str, Any]:
     events: list[Any] = [json.loads(line) for line in lines if line and line != b"[DONE]"]
     if any("error" in event for event in events):
         return next(event for event in events if "error" in event)
-    parts: list[dict[str, Any]] = [one for event in events for one in event.get("choices", ())[:1]]
+    parts: list[dict[str, Any]] = [
+        choice for event in events for choice in event.get("choices", ())[:1]
+    ]
     deltas: list[dict[str, Any]] = [part.get("delta") or {} for part in parts]
     text = "".join(delta.get("content") or "" for delta in deltas)
     finish = next((part["finish_reason"] for part in parts if part.get("finish_reason")), "stop")
@@ -372,7 +374,7 @@ def reason(error: ModelAPIError, endpoint: Endpoint) -> str:
     # All other HTTP errors quote the provider's text, without keys.
     if not isinstance(error, e.ModelHTTPError):
         return NOT_THE_API
-    said = redact(" ".join(str(error.body).split()))[:200]
+    body = redact(" ".join(str(error.body).split()))[:200]
     # Servers without structured output name its field.
-    hint = "; leave out --native" if re.search(r"response_format|json_schema", said) else ""
-    return f"the request was refused{status}: {said}{hint}"
+    hint = "; leave out --native" if re.search(r"response_format|json_schema", body) else ""
+    return f"the request was refused{status}: {body}{hint}"

@@ -76,12 +76,12 @@ def objection_to(
 
 def read_objection(text: str) -> str:
     """Return the last objection in a critic's answer; empty without one."""
-    said = ""
-    for found in json_objects(text):
-        objection = found.get("objection")
+    sentence = ""
+    for candidate in json_objects(text):
+        objection = candidate.get("objection")
         if isinstance(objection, str):
-            said = objection
-    return " ".join(said.split())[:LONGEST_OBJECTION]
+            sentence = objection
+    return " ".join(sentence.split())[:LONGEST_OBJECTION]
 
 
 # Rounds of a dialogue: ask, check, and return the findings, a bounded number of times.
@@ -154,16 +154,16 @@ def converse(
 
     def reconsider(plan: Plan, message: str) -> Plan:
         """Return the next valid plan after a message, else the current `plan`."""
-        latest: Plan | None = plan
+        current: Plan | None = plan
         for _ in range(left + 1):
             if may_go_on(conversation):
                 break
             try:
-                latest, findings = once(message, latest)
+                current, findings = once(message, current)
             except Unavailable:
                 break
-            if latest is not None and not findings:
-                return latest
+            if current is not None and not findings:
+                return current
             message = feedback(findings)
         return plan
 

@@ -56,19 +56,19 @@ class Errand:
 
 def errand(request: str, scene: Scene) -> Errand | None:
     """Return the errand that a request consists of; None for any other request."""
-    said = " ".join(request.lower().split())
-    if _DENYING.search(said):
+    sentence = " ".join(request.lower().split())
+    if _DENYING.search(sentence):
         return None
     for quantity, evidence in iter_tool_quantities():
         # Require one object named after the tool, and the words "with" or "using" before it.
         tools = [
             name for name in scene.objects if evidence.tool in re.split(r"[\W_]+", name.lower())
         ]
-        used = re.search(rf"\b(?:with|using) (?:the|a|my) {re.escape(evidence.tool)}\b", said)
+        used = re.search(rf"\b(?:with|using) (?:the|a|my) {re.escape(evidence.tool)}\b", sentence)
         if used is None or len(tools) != 1:
             continue
         # The remaining words must name the quantity, then the objects.
-        rest = (said[: used.start()] + said[used.end() :]).strip(" ,.?!")
+        rest = (sentence[: used.start()] + sentence[used.end() :]).strip(" ,.?!")
         words = "|".join(quantity.words.get("en", ()))
         asked = re.search(rf"\b(?:{words})\b", rest)
         # A joining word before the quantity starts a separate request.
@@ -96,12 +96,12 @@ def iter_tool_quantities() -> Iterator[tuple[Quantity, Evidence]]:
                 yield quantity, evidence
 
 
-def objects_of(said: str, scene: Scene) -> tuple[str, ...]:
+def objects_of(sentence: str, scene: Scene) -> tuple[str, ...]:
     """Return the objects at the end of a phrase, after its first preposition that can be grounded."""
-    for place in _BEFORE_THING.finditer(said):
-        if _JOINING.search(said[: place.start()]):
+    for place in _BEFORE_THING.finditer(sentence):
+        if _JOINING.search(sentence[: place.start()]):
             break
-        phrase = said[place.end() :].strip()
+        phrase = sentence[place.end() :].strip()
         first, second = (objects_of_quantity(id, phrase, scene) for id in ("mass", "friction"))
         # The phrase names objects alone if two different quantities give the same objects.
         if first and first == second:
@@ -112,11 +112,13 @@ def objects_of(said: str, scene: Scene) -> tuple[str, ...]:
 def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
     """Return the objects of "the mass of (phrase)"; empty if the phrase requests anything else."""
     try:
-        found = ground(f"the {id} of {phrase}", scene)
+        grounded = ground(f"the {id} of {phrase}", scene)
     except (InputError, PlanRejected):
         return ()
-    plain = not (found.remarks or found.cannot) and all(p.quantity == id for p in found.asked)
-    return tuple(dict.fromkeys(one.object for one in found.asked)) if plain else ()
+    plain = not (grounded.remarks or grounded.cannot) and all(
+        p.quantity == id for p in grounded.asked
+    )
+    return tuple(dict.fromkeys(parameter.object for parameter in grounded.asked)) if plain else ()
 
 
 # Effort beyond the minimum: slow passes between grasp and lift, and repeated cycles of grasp, lift
@@ -128,7 +130,7 @@ Efforts = Mapping[Parameter, Effort]
 
 def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Efforts:
     """Return the initial effort of each parameter with a requested width, if its quantity can predict one."""
-    found: dict[Parameter, Effort] = {}
+    effort_of: dict[Parameter, Effort] = {}
     for parameter in parameters:
         # Convert the width to a noise standard deviation, less the floor of the quantity.
         width, site = within.of(parameter), site_of(scene, parameter)
@@ -136,8 +138,8 @@ def efforts(scene: Scene, parameters: Iterable[Parameter], within: Within) -> Ef
             quantity = scene.catalogue[parameter.quantity]
             effort = quantity.effort(site, noise_std(width, quantity.floor(site)), None)
             if effort is not None:
-                found[parameter] = effort
-    return found
+                effort_of[parameter] = effort
+    return effort_of
 
 
 def site_of(scene: Scene, parameter: Parameter, value: Sequence[float] = ()) -> Site | None:
@@ -194,7 +196,7 @@ def with_effort(
         return list(steps), state
     # Slow the passes between grasp and lift to the speed of the effort.
     grasp, above = lift
-    found = list(slow_steps(start.at, steps, {grasp, above}, effort.speed))
+    slowed = list(slow_steps(start.at, steps, {grasp, above}, effort.speed))
     # One cycle: down, grasp, up; down, release, up.
     cycle: list[Step] = []
     for fingers in (CloseGripper(), OpenGripper()):
@@ -205,9 +207,9 @@ def with_effort(
         after = after_cycle(cycle, state, name, above)
         if after is None:
             break
-        found += cycle
+        slowed += cycle
         state = after
-    return found, state
+    return slowed, state
 
 
 def slow_steps(
@@ -215,10 +217,10 @@ def slow_steps(
 ) -> Iterator[Step]:
     """Yield the steps from pose `at` on, with passes between the two `ends` at `speed` (m/s)."""
     for step in steps:
-        (first, *beside), start = step.primitives, at
+        (first, *others), start = step.primitives, at
         if isinstance(first, MovePose):
             at = first.pose
-            if {start, at} == ends and not beside:
+            if {start, at} == ends and not others:
                 step = Step((first.model_copy(update={"speed": speed}),), step.touches)
         elif "arm" in first.claims:
             at = None

@@ -91,25 +91,25 @@ class SymbolicPlanner:
             if not quantity.identifiable:
                 cannot.append(_unmeasured([parameter], quantity.how))
         # Assemble a tree for the identifiable parameters and those they depend on.
-        found = with_needs(scene, wanted)
-        made = assemble(scene, found, efforts=efforts(scene, found, self.within))
-        unmeasured = (*made.failed, *cannot)
-        reasons = [one.reason for one in unmeasured]
-        doubts = [one for one in contradictions(scene.resolved) if one not in " ".join(reasons)]
+        parameters = with_needs(scene, wanted)
+        assembled = assemble(scene, parameters, efforts=efforts(scene, parameters, self.within))
+        unmeasured = (*assembled.failed, *cannot)
+        reasons = [item.reason for item in unmeasured]
+        doubts = [item for item in contradictions(scene.resolved) if item not in " ".join(reasons)]
         nothing_asked = not asked.asked and scene.resolved.description.roles.untouchable
         # Reject the request if none of it can be measured.
-        if not made.measured and (made.failed or nothing_asked):
+        if not assembled.measured and (assembled.failed or nothing_asked):
             raise PlanRejected(" ".join([*reasons, *doubts]))
         # Collect the remarks: stated values, unknown heights, and contradictions in the scene.
         stated = (stated_clause(parameter, scene) for parameter in known)
         notes = [f"{clause}, and is measured again only on request." for clause in stated]
-        sentences = [*asked.remarks, *explanation(made), *notes, *reasons]
-        remarks = [*notes, *unknown_heights(made, scene), *doubts]
-        if made.measured:
+        sentences = [*asked.remarks, *explanation(assembled), *notes, *reasons]
+        remarks = [*notes, *unknown_heights(assembled, scene), *doubts]
+        if assembled.measured:
             remarks += reasons
         return Plan(
-            parameters=made.measured,
-            tree=made.tree,
+            parameters=assembled.measured,
+            tree=assembled.tree,
             explanation=" ".join(sentences) or "Nothing is missing.",
             planner=self.name,
             notes=tuple(remarks),
@@ -121,14 +121,14 @@ class SymbolicPlanner:
         """Plan to carry a tool without a measurement; None if the request is no errand."""
         if request is None:
             return None
-        found = errand(request, scene)
-        if found is None:
+        task = errand(request, scene)
+        if task is None:
             return None
         chainer = Backchainer(scene)
         chainer.go_home()
-        chainer.hold(found.tool, found.spots)
+        chainer.hold(task.tool, task.spots)
         chainer.go_home()
-        return Plan((), chainer.tree(), found.explanation, self.name)
+        return Plan((), chainer.tree(), task.explanation, self.name)
 
 
 @dataclass(frozen=True, slots=True)
@@ -146,15 +146,17 @@ class ExhaustivePlanner:
         parameters = [
             Parameter(body.name, quantity) for body in bodies for quantity in SUITE[body.role]
         ]
-        made = assemble(scene, parameters)
+        assembled = assemble(scene, parameters)
         return Plan(
-            made.measured,
-            made.tree,
+            assembled.measured,
+            assembled.tree,
             "Every surface is probed, every object weighed and slid, known, requested or not.",
             self.name,
-            tuple(one.reason for one in made.failed),
+            tuple(item.reason for item in assembled.failed),
             unmeasured=tuple(
-                one for one in made.failed if not set(scene.missing).isdisjoint(one.parameters)
+                item
+                for item in assembled.failed
+                if not set(scene.missing).isdisjoint(item.parameters)
             ),
         )
 
@@ -206,19 +208,19 @@ def assemble(
         mirrored: slides go to the opposite side first, as in `Backchainer`.
     """
     words, wanted = words or vocabulary(), list(parameters)
-    made = Assembled(None, (), ())
+    assembled = Assembled(None, (), ())
     # The whole region of an estimated pose must pass the check. If a part fails, assemble again
     # without extras, then without balance points.
     for balances, extras in ((True, True), (True, False), (False, True)):
-        made = _assemble_tree(
+        assembled = _assemble_tree(
             Backchainer(scene, words, mirrored, balances, extras), wanted, efforts or {}
         )
-        if made.tree is None:
+        if assembled.tree is None:
             break
-        case = CheckedPlan(Plan((), made.tree, ""), words, scene)
+        case = CheckedPlan(Plan((), assembled.tree, ""), words, scene)
         if not estimated_poses(case) or not any(unpassable_regions(case, Walk.over(case))):
             break
-    return made
+    return assembled
 
 
 def _assemble_tree(
@@ -321,12 +323,12 @@ def asked_parameters(
 
 def with_needs(scene: Scene, wanted: Iterable[Parameter]) -> list[Parameter]:
     """Return the identifiable parameters and those that they depend on."""
-    found = [one for one in wanted if catalogue()[one.quantity].identifiable]
-    for parameter in tuple(found):
+    parameters = [p for p in wanted if catalogue()[p.quantity].identifiable]
+    for parameter in tuple(parameters):
         body = scene.bodies.get(parameter.object)
         if body is not None:
-            found += catalogue()[parameter.quantity].needs(body, scene.bodies)
-    return list(dict.fromkeys(found))
+            parameters += catalogue()[parameter.quantity].needs(body, scene.bodies)
+    return list(dict.fromkeys(parameters))
 
 
 def split_known(
@@ -352,16 +354,16 @@ def stated_clause(parameter: Parameter, scene: Scene) -> str:
     return f"{spoken([parameter])} is stated by the scene ({value}{unit})"
 
 
-def unknown_heights(made: Assembled, scene: Scene) -> list[str]:
+def unknown_heights(assembled: Assembled, scene: Scene) -> list[str]:
     """Notes on surfaces of unknown height that carry measured objects and are not measured."""
     sentences: list[str] = []
     for name, body in scene.surfaces.items():
         # Only a surface of unknown height that the plan does not measure is of interest.
-        if not is_open(scene, name) or Parameter(name, "height") in made.measured:
+        if not is_open(scene, name) or Parameter(name, "height") in assembled.measured:
             continue
         # Objects directly or indirectly on this surface.
         on = risen(scene, name, body.top_z(), scene.body_poses)
-        touched = sorted({one.object for one in made.measured} & on.keys() & scene.objects.keys())
+        touched = sorted({p.object for p in assembled.measured} & on.keys() & scene.objects.keys())
         if touched:
             sentences.append(
                 f"The height of '{name}' is unknown and not requested: {', '.join(map(repr, touched))} "
@@ -378,14 +380,14 @@ def spoken(parameters: Sequence[Parameter]) -> str:
     return f"The {listed} of '{parameters[0].object}'"
 
 
-def explanation(made: Assembled) -> list[str]:
+def explanation(assembled: Assembled) -> list[str]:
     """Explain a plan in sentences: parameters, one method per quantity, and the objects carried away."""
-    if made.tree is None:
+    if assembled.tree is None:
         return []
-    sentences = [f"Measured: {', '.join(str(wanted) for wanted in made.measured)}."]
+    sentences = [f"Measured: {', '.join(str(wanted) for wanted in assembled.measured)}."]
     # One sentence per quantity, with all its objects.
     objects: dict[str, list[str]] = {}
-    for parameter in made.measured:
+    for parameter in assembled.measured:
         objects.setdefault(parameter.quantity, []).append(f"'{parameter.object}'")
     for id, names in objects.items():
         quantity = catalogue()[id]
@@ -394,13 +396,15 @@ def explanation(made: Assembled) -> list[str]:
             how = f"{quantity.how}, and the value is derived from the recordings"
         sentences.append(f"{quantity.label.capitalize()} of {', '.join(names)}: {how}.")
     # One sentence per object that is carried to a temporary place or grasped at its balance point.
-    for name in visited_objects(made.tree, TEMPORARY):
-        slides = any(visited_objects(made.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
+    for name in visited_objects(assembled.tree, TEMPORARY):
+        slides = any(
+            visited_objects(assembled.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS
+        )
         why = "is on several surfaces and slides on one" if slides else "is in the way"
         sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
-    for name in visited_objects(made.tree, BALANCE):
+    for name in visited_objects(assembled.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last at the balance point that the run estimates.")
-    return [*sentences, *made.omitted, "All objects are put back."]
+    return [*sentences, *assembled.omitted, "All objects are put back."]
 
 
 def visited_objects(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:

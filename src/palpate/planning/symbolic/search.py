@@ -135,8 +135,8 @@ class Backchainer:
         # Search to each spot separately, so that every search stays short.
         for spot in spots:
             operators = self._operators(tool, [*taken, spot])
-            held = when(lambda state, at=spot: state.holding == tool and state.at == at)
-            self._reach(operators, held, f"'{tool}' cannot be held at '{spot}'")
+            goal = when(lambda state, at=spot: state.holding == tool and state.at == at)
+            self._reach(operators, goal, f"'{tool}' cannot be held at '{spot}'")
         operators = self._operators(tool, taken)
         self._reach(operators, when(at_rest(tool)), f"'{tool}' cannot be put back")
         for blocker, place in reversed(away):
@@ -205,8 +205,8 @@ class Backchainer:
             return False
         state, done = self.state, list[Step]()
         for step in steps:
-            moved = tuple(primitive.transferred(other, name) for primitive in step.primitives)
-            again = Step(moved, step.touches)
+            transferred = tuple(primitive.transferred(other, name) for primitive in step.primitives)
+            again = Step(transferred, step.touches)
             # The exact check is needed too, because this object has other neighbours.
             after = again.applied(state)
             if after is None or again.harm(state) is not None:
@@ -295,22 +295,22 @@ class Backchainer:
     def _extras(self, name: str, parameters: Iterable[Parameter]) -> Sequence[Primitive]:
         """Return the primitives that yield only optional evidence of these parameters."""
         evidence = (
-            one
+            item
             for parameter in parameters
-            for one in self.scene.catalogue[parameter.quantity].evidence
+            for item in self.scene.catalogue[parameter.quantity].evidence
         )
         # Evidence with a dedicated place is recorded there (`_enrich`).
-        if not (self.extras and any(one.optional and not one.place for one in evidence)):
+        if not (self.extras and any(item.optional and not item.place for item in evidence)):
             return []
         return self._ground_primitives(self._surroundings(name, []), extra=True)
 
     def _hangs_level(self, name: str) -> bool:
         """True if an object is held at its believed balance point."""
         # The less an object turns in the fingers, the longer it can be held.
-        held = self.state.pose_tcp_object
-        if self.state.holding != name or held is None:
+        pose = self.state.pose_tcp_object
+        if self.state.holding != name or pose is None:
             return False
-        return abs(held.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
+        return abs(pose.apply(solids(self.scene).centre_of_mass(name))[0]) < NEARER
 
     def _add_extra(self, parameters: Iterable[Parameter], extras: Iterable[Primitive]) -> bool:
         """Record optional evidence with the held object, and before with the empty hand, if possible."""
@@ -325,19 +325,19 @@ class Backchainer:
         # The friction of the joints is then the same with and without the object.
         # Replay the last path to find the latest pass of this pose with an empty hand.
         count, before = self._began
-        passed: tuple[int, SymbolicState] | None = None
+        latest_step: tuple[int, SymbolicState] | None = None
         for i, step in enumerate(self.steps[count:], start=count + 1):
             before = step.effect(before)
             if before.at == self.state.at and not before.holding:
-                passed = i, before
-        if passed is None:
+                latest_step = i, before
+        if latest_step is None:
             return
         # Insert the recording there. Later states gain its log entries and stay the same otherwise.
-        i, there = passed
-        for _, steps in self._yielding(there, parameters, [operator]):
-            if find_first_refusal(there, steps) is None:
+        i, state = latest_step
+        for _, steps in self._yielding(state, parameters, [operator]):
+            if find_first_refusal(state, steps) is None:
                 self.steps[i:i] = steps
-                logged = steps[-1].effect(there).logged[len(there.logged) :]
+                logged = steps[-1].effect(state).logged[len(state.logged) :]
                 self.state = replace(self.state, logged=(*self.state.logged, *logged))
 
     def _yielding(
@@ -364,8 +364,8 @@ class Backchainer:
         resolve = self.scene.symbols.resolve
         above, spot = (resolve(expression) for expression in approach(self.scene, name))
         # Recompute the blockers after each carried object: the remaining ones may change.
-        while found := blockers(self.state, name, above, spot):
-            blocker = found[0]
+        while obstacles := blockers(self.state, name, above, spot):
+            blocker = obstacles[0]
             if blocker in waiting or blocker in dict(away):
                 raise PlanRejected(f"'{blocker}' blocks '{name}' and cannot be carried away")
             away += self._clear(blocker, (*waiting, blocker))
@@ -390,12 +390,12 @@ class Backchainer:
         """Return the surroundings of an object, including the poses of the current grasp and contact."""
         # Add the poses needed to release or lift: the grasp, the contact, and the temporary place.
         grasp = self.state.grasp
-        here = [grasp, f"{grasp} + z_offset"] if grasp else []
+        near = [grasp, f"{grasp} + z_offset"] if grasp else []
         if self.state.contact and self.state.at:
-            here.append(self.state.at)
+            near.append(self.state.at)
         if grasp and self.state.at and TEMPORARY in self.state.at:
-            here.append(f"{self.state.at} + z_offset")  # to lift it after a slide
-        poses = [name for name in dict.fromkeys([*expressions, *here]) if exists(self.scene, name)]
+            near.append(f"{self.state.at} + z_offset")  # to lift it after a slide
+        poses = [name for name in dict.fromkeys([*expressions, *near]) if exists(self.scene, name)]
         return Surroundings(self.state, subject, tuple(poses))
 
     def _operators(self, subject: str, expressions: Iterable[str]) -> list[Primitive]:
@@ -403,11 +403,11 @@ class Backchainer:
         return self._ground_primitives(self._surroundings(subject, expressions), extra=False)
 
     def _ground_primitives(self, around: Surroundings, extra: bool) -> list[Primitive]:
-        found: list[Primitive] = []
+        primitives: list[Primitive] = []
         for cls in self.words.primitives.values():
             if cls.claims and cls.extra == extra:
-                found += cls.groundings(around)
-        return found
+                primitives += cls.groundings(around)
+        return primitives
 
     def _reach(self, operators: Sequence[Primitive], tail: Tail, failure: str = "") -> bool:
         """Append the shortest path to a state where `tail` applies; without one raise `failure`, or return False."""
@@ -416,10 +416,10 @@ class Backchainer:
         refused: set[Refusal] = set()
         refusal = ""
         for _ in range(MAX_DETOURS):
-            found = shortest(self.state, operators, tail, refused)
-            if found is None:
+            path = shortest(self.state, operators, tail, refused)
+            if path is None:
                 break
-            steps, after = found
+            steps, after = path
             harm = find_first_refusal(self.state, steps)
             if harm is None:
                 self._began = len(self.steps), self.state

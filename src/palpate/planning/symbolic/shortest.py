@@ -115,13 +115,13 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
     # Explore a few states, and report the first physical violation of a gripper action.
     queue, seen = deque([state]), {state_key(state)}
     while queue and len(seen) < FEW_STATES:
-        here = queue.popleft()
+        current = queue.popleft()
         for operator in operators:
             # Violations of the action order are no reasons for the user.
-            for violation in operator.requires(here) if "gripper" in operator.claims else ():
+            for violation in operator.requires(current) if "gripper" in operator.claims else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
                     return reason(violation)
-            after = Step((operator,)).applied(here)
+            after = Step((operator,)).applied(current)
             if after is not None and state_key(after) not in seen:
                 seen.add(state_key(after))
                 queue.append(after)
@@ -136,9 +136,9 @@ def reason(violation: Violation) -> str:
 
 def state_key(state: SymbolicState) -> tuple[object, ...]:
     """Key of a state, with positions rounded to 0.1 mm."""
-    moved: list[object] = []
+    poses: list[object] = []
     for name, pose in sorted(state.moved.items()):
-        moved.append((name, *np.round(pose.position, 4).tolist()))
+        poses.append((name, *np.round(pose.position, 4).tolist()))
     # State of the hand, then the moved objects in order of their names.
     hand = (state.at, state.gripper, state.holding, state.grasp, state.lifted, state.contact)
-    return *hand, *moved
+    return *hand, *poses

@@ -85,12 +85,14 @@ class Step:
             after = self.effect(state)
         except InputError:
             return None
-        preferred = (is_preferred(one, state, after, recorded=bool(sensing)) for one in moving)
+        preferred = (
+            is_preferred(operator, state, after, recorded=bool(sensing)) for operator in moving
+        )
         return after if all(preferred) else None
 
     def node(self) -> Node:
         """Return the node of a plan, with arguments in file format."""
-        made: list[Node] = []
+        nodes: list[Node] = []
         for primitive in self.primitives:
             # Plans hold JSON arrays as tuples, so that nodes are comparable.
             arguments: list[tuple[str, Any]] = []
@@ -98,8 +100,8 @@ class Step:
                 if isinstance(value, list):
                     value = tuple(cast("list[object]", value))
                 arguments.append((name, value))
-            made.append(Node(type(primitive).__name__, tuple(arguments)))
-        return made[0] if len(made) == 1 else Node("Parallel", children=tuple(made))
+            nodes.append(Node(type(primitive).__name__, tuple(arguments)))
+        return nodes[0] if len(nodes) == 1 else Node("Parallel", children=tuple(nodes))
 
 
 def is_preferred(
@@ -139,13 +141,13 @@ def is_preferred(
 
 def releases_in_place(before: SymbolicState) -> bool:
     """True if an object is released at its scene pose or temporary place, or the closed hand is empty."""
-    held = before.holding
-    if before.gripper == "open" or held is None:
+    name = before.holding
+    if before.gripper == "open" or name is None:
         return before.gripper != "open"
-    turned = before.pose_of(held).angle_to(before.scene.body(held).pose_world)
-    if not is_away(before, held) and turned < TURNED:
+    angle = before.pose_of(name).angle_to(before.scene.body(name).pose_world)
+    if not is_away(before, name) and angle < TURNED:
         return True
-    return before.at == f"{held}{TEMPORARY}"
+    return before.at == f"{name}{TEMPORARY}"
 
 
 def slides_well(before: SymbolicState, after: SymbolicState, recorded: bool) -> bool:
@@ -210,7 +212,7 @@ NEARER = 0.005
 def places(scene: Scene, parameter: Parameter, state: SymbolicState) -> Iterator[list[str]]:
     """Yield sets of pose expressions for the missing evidence: declared places, else around the object."""
     quantity, name = scene.catalogue[parameter.quantity], parameter.object
-    if any(one.distinct == "place" and one.count > 1 for one in quantity.evidence):
+    if any(item.distinct == "place" and item.count > 1 for item in quantity.evidence):
         # Three spots of a surface that are not collinear, in four arrangements.
         _, spot = approach(scene, name)
         first, other = SIDEWAYS
@@ -285,9 +287,9 @@ def corners(scene: Scene, name: str, axis: str, state: SymbolicState, sides: str
     triangle.
     """
     _, spot = approach(scene, name)
-    (other,) = (one for one in SIDEWAYS if one != axis)
-    there, aside = multiples(scene, axis, spot, SLIDE), multiples(scene, other, spot, ASIDE)
-    if state.at in [f"{spot} {sign} {there}*{axis}" for sign in "+-"]:
+    (other,) = (other_axis for other_axis in SIDEWAYS if other_axis != axis)
+    along, aside = multiples(scene, axis, spot, SLIDE), multiples(scene, other, spot, ASIDE)
+    if state.at in [f"{spot} {sign} {along}*{axis}" for sign in "+-"]:
         for sign in sides:
             yield f"{spot} {sign} {aside}*{other}"
 

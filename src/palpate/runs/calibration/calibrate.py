@@ -95,7 +95,7 @@ def calibrate(
         before = read_config(settings.robot_config)
     # Count visits to the embedded arm over all sessions: each visit draws new errors.
     simulated = [config.simulated for config in (before, existing) if config is not None]
-    visits = max([one.visits for one in simulated if one is not None], default=0)
+    visits = max([result.visits for result in simulated if result is not None], default=0)
     session = CalibrationSession(settings, before, callbacks, visits)
     # Begin with the torque gains: all later procedures use the torques.
     start = session.arm
@@ -120,8 +120,8 @@ def calibrate(
         from palpate.perception.hand_eye import draw_residuals
 
         draw_residuals(seen, wanted.plot)
-    found = (*compare_figures(start, session.arm), *rows)
-    return Calibration(config, found, out, session.seconds, seen)
+    figures = (*compare_figures(start, session.arm), *rows)
+    return Calibration(config, figures, out, session.seconds, seen)
 
 
 def require_consistent(
@@ -174,7 +174,7 @@ def merge_findings(under: RobotConfig, session: CalibrationSession) -> RobotConf
 
 def compare_figures(start: RobotDescription, end: RobotDescription) -> list[CalibratedFigure]:
     """Compare each measured figure with its value before the calibration."""
-    old, new, found = start.config, end.config, list[CalibratedFigure]()
+    old, new, figures = start.config, end.config, list[CalibratedFigure]()
     assert new is not None
     first, last = start.nominal, end.nominal
 
@@ -188,7 +188,7 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
     if gains is not None and is_new("torque_gain"):
         pairs = zip(gain_values(start), gain_values(end), strict=True)
         for joint, (before, after) in enumerate(pairs, 1):
-            found.append(
+            figures.append(
                 CalibratedFigure(f"torque_gain {joint}", "1", before, after, gains.by or "")
             )
     if lean is not None and is_new("base_lean"):
@@ -199,12 +199,14 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
         for i, axis in enumerate("xy"):
             after = float(lean.value[i]), float(lean.std[i])
             before = values[i], stds[i]
-            found.append(CalibratedFigure(f"base_lean {axis}", "rad", before, after, lean.by or ""))
+            figures.append(
+                CalibratedFigure(f"base_lean {axis}", "rad", before, after, lean.by or "")
+            )
     for name, unit in (("pose_repeatability", "m"), ("tip_offset", "m"), ("tip_compliance", "m/N")):
         if is_new(name):
             before, after = (value_and_std(hand, name) for hand in (first, last))
-            found.append(CalibratedFigure(name, unit, before, after, getattr(new, name).by or ""))
-    return found
+            figures.append(CalibratedFigure(name, unit, before, after, getattr(new, name).by or ""))
+    return figures
 
 
 def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:
@@ -215,15 +217,15 @@ def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[C
     off = pose_difference(after.mount.pose_world_camera, before.mount.pose_world_camera)
     stds = np.sqrt(np.diag(after.mount.covariance)), np.sqrt(np.diag(before.mount.covariance))
     by = f"a tag of {tag.size.text} in {len(after.corners)} pictures"
-    found: list[CalibratedFigure] = []
+    figures: list[CalibratedFigure] = []
     for i, (name, unit) in enumerate([*(("camera", "m"),) * 3, *(("camera turn", "rad"),) * 3]):
         start = float(before.mount.pose_world_camera.position[i]) if i < 3 else 0.0
         was, now = (start, float(stds[1][i])), (start + float(off[i]), float(stds[0][i]))
-        found.append(CalibratedFigure(f"{name} {'xyz'[i % 3]}", unit, was, now, by))
+        figures.append(CalibratedFigure(f"{name} {'xyz'[i % 3]}", unit, was, now, by))
     # Relative change of the focal length.
     zoom = after.lens.matrix[0, 0] / before.lens.matrix[0, 0] - 1.0
     was, now = (0.0, before.lens.focal_std), (float(zoom), float(stds[0][6]))
-    return [*found, CalibratedFigure("camera focal length", "1", was, now, by)]
+    return [*figures, CalibratedFigure("camera focal length", "1", was, now, by)]
 
 
 def value_and_std(hand: NominalHand, name: str) -> tuple[float, float]:

@@ -99,8 +99,8 @@ class Shots:
                 self.failed = error
                 return
             # A tag seen twice is ambiguous, and counts as not seen.
-            found = [where for number, where in detect(grey, self.lens) if number == self.number]
-            self.seen.append(found[0] if len(found) == 1 else None)
+            corners = [where for number, where in detect(grey, self.lens) if number == self.number]
+            self.seen.append(corners[0] if len(corners) == 1 else None)
 
 
 def locate(
@@ -124,7 +124,7 @@ def locate(
     base = session.arm.stands(scene.pose_world_base)
     on_hand = eye.mount.on_hand
     mount = eye.mount if on_hand else eye.mount.within(base.inverse())
-    there = base.inverse() @ _standing(scene, number) if on_hand else STICKER
+    tag_pose = base.inverse() @ _standing(scene, number) if on_hand else STICKER
 
     # Draw candidate poses and choose those that determine the camera best.
     half, std = tag.size.value / 2, tag.size.std / tag.size.value
@@ -134,7 +134,7 @@ def locate(
     frame = frame_of(hands[:KEPT], jacobians[:KEPT])
     drawn = CalibrationViews(hands, jacobians, frame, half, std, eye.lens, mount, on_hand, scatter)
     session.callbacks.progress("choosing poses in view of the camera")
-    chosen = _chosen(session, scene, q, drawn, there)
+    chosen = _chosen(session, scene, q, drawn, tag_pose)
     # Visit the poses and take a picture at each rest.
     shots = Shots(eye.shoot, eye.lens, number)
     what = "looking at tag {} from {}" if on_hand else "showing tag {} to the camera in {}"
@@ -154,10 +154,10 @@ def locate(
     hands, jacobians = stances(session.arm, rests)
     session.callbacks.progress(f"fitting {len(seen)} pictures")
     shown = replace(drawn, hands=hands, jacobians=jacobians).some([i for i, _ in seen])
-    found = hand_eye(shown, [where for _, where in seen])
-    entry = _entry(found, eye.source, number, on_hand)
+    eye_on_hand = hand_eye(shown, [where for _, where in seen])
+    entry = _entry(eye_on_hand, eye.source, number, on_hand)
     session.config = session.config.model_copy(update={"camera": entry})
-    return found, shown
+    return eye_on_hand, shown
 
 
 def _place(on_hand: bool) -> str:
@@ -318,18 +318,18 @@ def _plan(configurations: Sequence[Array]) -> Plan:
     return calibration_plan((), Node("Sequence", children=(*steps, home)))
 
 
-def _entry(found: HandEye, source: str, number: int, on_hand: bool) -> CameraConfig:
+def _entry(hand_eye: HandEye, source: str, number: int, on_hand: bool) -> CameraConfig:
     """Make the camera's entry in robot.yaml."""
     # Field of view from the focal length: 2 atan(h / 2 f).
-    pose, (width, height) = found.mount.pose_world_camera, found.lens.size
-    fovy = math.degrees(2 * math.atan(height / 2 / found.lens.matrix[1, 1]))
+    pose, (width, height) = hand_eye.mount.pose_world_camera, hand_eye.lens.size
+    fovy = math.degrees(2 * math.atan(height / 2 / hand_eye.lens.matrix[1, 1]))
     covariance = np.array(
-        [[float(f"{part:.4e}") for part in row] for row in found.mount.covariance]
+        [[float(f"{part:.4e}") for part in row] for row in hand_eye.mount.covariance]
     )
     where = "that stands still" if on_hand else "on the hand"
     return CameraConfig(
         date=datetime.date.today(),
-        by=f"tag {number} {where} in {len(found.corners)} pictures of {source[:80]}",
+        by=f"tag {number} {where} in {len(hand_eye.corners)} pictures of {source[:80]}",
         on_hand=on_hand,
         pos=pose.position.round(6),
         quat=pose.quaternion.round(7),

@@ -54,10 +54,10 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
         f"{what} '{text}' is no size with a unit: give e.g. {example}, in {', '.join(units)}"
     )
     # Split into value, unit, tolerance and its unit; refuse unknown units.
-    found = STATED.fullmatch(text)
-    if found is None:
+    match = STATED.fullmatch(text)
+    if match is None:
         raise refusal
-    value, unit, limit, limit_unit = found.groups()
+    value, unit, limit, limit_unit = match.groups()
     if any(name and name not in units for name in (unit, limit_unit)):
         raise refusal
     try:
@@ -82,8 +82,8 @@ class Known:
     @classmethod
     def of(cls, text: str, units: Mapping[str, float], what: str) -> Known:
         """Parse a reference; raises InputError as `parse_reference` does."""
-        name, found, size = text.rpartition("=")
-        return cls(parse_reference(size, units, what), name.strip() if found else None)
+        name, equals, size = text.rpartition("=")
+        return cls(parse_reference(size, units, what), name.strip() if equals else None)
 
 
 # Gains of the joint torque sensors, by a known weight in the hand or by the arm's own weight.
@@ -141,9 +141,9 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
     recording = trace.converted(parameter)
     if recording is None or trace.hand.chain is None:
         raise InputError(f"{parameter.object} was not weighed; nothing is calibrated")
-    found, gravity, hand = weighings(trace, recording), trace.gravity, trace.hand
+    rests, gravity, hand = weighings(trace, recording), trace.gravity, trace.hand
     # Weigh with the prior of the gains. Test that the load hangs free and has the stated mass.
-    load = fit_load(found, gravity, hand)
+    load = fit_load(rests, gravity, hand)
     mass, mass_std = load.force / gravity, load.force_std / gravity
     same = chi_squared(
         "weight",
@@ -155,8 +155,8 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
     )
     require([*load.tests, same], "the weight")
     # Fit the gains with the load fixed at the stated weight. Centres of mass begin at zero.
-    rows = [equations(weighing, gravity) for weighing in found]
-    grasps = tuple(time for weighing in found for time in weighing.grasps)
+    rows = [equations(weighing, gravity) for weighing in rests]
+    grasps = tuple(time for weighing in rests for time in weighing.grasps)
     about = np.zeros(1 + 2 * len(grasps))
     about[0] = known.value * gravity
     force, std = known.value * gravity, known.std * gravity
@@ -228,7 +228,7 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
         )
     # Average positions and torques over each rest: white noise becomes negligible.
     q = np.array([rest.q.mean(axis=0) for rest in rests])
-    observed = np.array([rest.tau_ext.mean(axis=0) for rest in rests])
+    torques = np.array([rest.tau_ext.mean(axis=0) for rest in rests])
     maps, root = observe(trace).maps(q), gain_root(trace.hand, q.shape[1])
     # Noise of a rest: friction and drift of each joint, and the wrench that sticks in all of them.
     own = arm.sensors.friction**2 + arm.sensors.drift**2
@@ -237,11 +237,11 @@ def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
     gains, others = own_weight_columns(trace, arm, q)
     # Fit the scatter with wide gains, so that an error of their prior does not count as scatter.
     wide = own_causes(WIDE * gains, others)
-    noise = noise * scatter(wide, observed, noise)
+    noise = noise * scatter(wide, torques, noise)
     # Test the gains against zero, then fit them with their prior in units of its root.
-    mean, covariance = own_fit(wide, observed, noise)[GAIN]
+    mean, covariance = own_fit(wide, torques, noise)[GAIN]
     require_own_weight(WIDE * mean, WIDE**2 * covariance, root @ root.T)
-    mean, covariance = own_fit(own_causes(gains @ root, others), observed, noise)[GAIN]
+    mean, covariance = own_fit(own_causes(gains @ root, others), torques, noise)[GAIN]
     return GainBelief(root @ mean, root @ covariance @ root.T)
 
 
@@ -249,33 +249,33 @@ def own_causes(gains: Array, others: Array) -> list[Cause]:
     """Make the causes of the own-weight equations from their columns (n, 7, p), in units of their
     prior deviations.
     """
-    found: list[Cause] = []
+    causes: list[Cause] = []
     for name, columns in ((GAIN, gains), ("links and zeros", others)):
         count = int(columns.shape[2])
-        found.append(Cause(name, columns.reshape(-1, count), np.ones(count)))
-    return found
+        causes.append(Cause(name, columns.reshape(-1, count), np.ones(count)))
+    return causes
 
 
-def own_fit(causes: Sequence[Cause], observed: Array, noise: Array) -> Posterior:
+def own_fit(causes: Sequence[Cause], torques: Array, noise: Array) -> Posterior:
     """Fit torques `observed` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N m."""
     roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
-    return fit(causes, SignalNoise(roots, KNOWN), observed.ravel())
+    return fit(causes, SignalNoise(roots, KNOWN), torques.ravel())
 
 
-def scatter(causes: Sequence[Cause], observed: Array, noise: Array) -> Array:
+def scatter(causes: Sequence[Cause], torques: Array, noise: Array) -> Array:
     """Estimate (7, 7) factors that scale the `noise` (n, 7, 7) of each joint to the residuals of the fit.
 
     Fixed-point iteration: each joint's variance is its sum of squared residuals over its residual
     degrees of freedom.
     """
     # Begin with the datasheet's noise.
-    size = np.ones(observed.shape[1])
+    size = np.ones(torques.shape[1])
     for _ in range(ROUNDS):
         # Refit with the current scale; the degrees of freedom are 1 less the leverage of each row.
-        found = own_fit(causes, observed, noise * np.outer(size, size))
+        posterior = own_fit(causes, torques, noise * np.outer(size, size))
         # Scale of each joint: root of its sum of squares over its degrees of freedom.
-        left = (found.residual**2).reshape(observed.shape).sum(axis=0)
-        freedom = (1.0 - found.leverage).reshape(observed.shape).sum(axis=0)
+        left = (posterior.residual**2).reshape(torques.shape).sum(axis=0)
+        freedom = (1.0 - posterior.leverage).reshape(torques.shape).sum(axis=0)
         size = size * np.sqrt(left / np.maximum(freedom, 1.0))
     return np.outer(size, size)
 
@@ -287,14 +287,14 @@ def require_own_weight(mean: Array, covariance: Array, believed: Array) -> None:
     """
     # Test statistic d^T S^-1 d over all joints; the message names the joint that deviates most.
     spread = covariance + believed
-    apart = np.abs(mean) / np.sqrt(spread.diagonal())
-    worst = int(np.argmax(apart))
+    deviations = np.abs(mean) / np.sqrt(spread.diagonal())
+    worst = int(np.argmax(deviations))
     same = chi_squared(
         "own weight",
         float(mean @ np.linalg.solve(spread, mean)),
         len(mean),
         f"The arm measures its own weight otherwise than the accuracy of its sensors allows, most of all "
-        f"in joint {worst + 1} ({apart[worst]:.1f} standard deviations): they were calibrated wrongly, "
+        f"in joint {worst + 1} ({deviations[worst]:.1f} standard deviations): they were calibrated wrongly, "
         "or the arm carries something.",
     )
     require([same], "the arm's own weight")
@@ -330,11 +330,11 @@ def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     bodies = Bodies.of(chain, sensors.link_mass, sensors.link_com, arm.limits.payload)
     heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
     # Torques per unit of mass and of first moment of each link.
-    held = regressor(chain, q, still, still, -gravity * UP)[..., :4]
+    regressors = regressor(chain, q, still, still, -gravity * UP)[..., :4]
     columns: list[Array] = []
     # Deviations of a link: its mass scales all moments, its centre shifts the first moments.
     for joint, body in [*enumerate(bodies.links), (q.shape[1] - 1, heavier * bodies.hand)]:
         shifts = sensors.link_com * body[0] * np.eye(4)[:, 1:]
         sizes = np.column_stack([sensors.link_mass * body[:4], shifts])
-        columns.append(held[:, :, joint] @ sizes)
+        columns.append(regressors[:, :, joint] @ sizes)
     return np.concatenate(columns, axis=2)

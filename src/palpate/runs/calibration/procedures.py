@@ -68,9 +68,9 @@ def weigh_once(
     tree = measuring_tree(scene, (mass,))
     # Slow down the ways from and to the grasp; the first way only leads there from home.
     ways = [
-        way
-        for _, way in tree.walk()
-        if way.type == "MovePose" and str(dict(way.args)["pose"]).startswith(f"{name}_pose")
+        motion
+        for _, motion in tree.walk()
+        if motion.type == "MovePose" and str(dict(motion.args)["pose"]).startswith(f"{name}_pose")
     ]
     plan = calibration_plan((mass,), slow_motions(tree, ways[1:]))
     trace = session.perform(scene, plan, world)
@@ -99,27 +99,27 @@ def gauge(session: CalibrationSession, known: Known) -> None:
     # Fit the touches in the frame of the base, as calibrated so far.
     arm = session.arm
     base = arm.stands(scene.pose_world_base)
-    found = fit_tips(trace, heights, size, base, arm.reach.stretched)
-    by, date = f"{found.touches} touches of gauges of {size.text}", datetime.date.today()
+    tips = fit_tips(trace, heights, size, base, arm.reach.stretched)
+    by, date = f"{tips.touches} touches of gauges of {size.text}", datetime.date.today()
     # Compose the tilt with the one already corrected.
     before = session.config.base_lean
-    lean = found.lean + (np.zeros(2) if before is None else before.value)
-    offset, compliance = (found.offset, found.offset_std), (found.compliance, found.compliance_std)
+    lean = tips.lean + (np.zeros(2) if before is None else before.value)
+    offset, compliance = (tips.offset, tips.offset_std), (tips.compliance, tips.compliance_std)
     # Correct the next visits by all figures of this one.
     figures = {
         "tip_offset": Value(value=offset[0], std=offset[1], date=date, by=by),
-        "base_lean": Lean(value=lean, std=found.lean_std, date=date, by=by),
-        "pose_repeatability": Repeated(value=found.repeatability, date=date, by=by),
+        "base_lean": Lean(value=lean, std=tips.lean_std, date=date, by=by),
+        "pose_repeatability": Repeated(value=tips.repeatability, date=date, by=by),
         "tip_compliance": Value(value=compliance[0], std=compliance[1], date=date, by=by),
     }
     session.config = session.config.model_copy(update=figures)
 
 
-def correct_gains(session: CalibrationSession, found: GainBelief, by: str) -> None:
-    """Compose the gains for the next visits with the gains `found`. `by` names the procedure."""
+def correct_gains(session: CalibrationSession, belief: GainBelief, by: str) -> None:
+    """Compose the gains for the next visits with `belief`. `by` names the procedure."""
     before = session.config.torque_gain
     # Compose with the gains that corrected these readings.
-    whole = found.after(np.zeros(len(session.arm.joints)) if before is None else before.value)
+    whole = belief.after(np.zeros(len(session.arm.joints)) if before is None else before.value)
     ways = [] if before is None or before.by is None else before.by.split("; ")
     # Remove asymmetry by rounding errors, and digits without meaning.
     covariance = ((whole.covariance + whole.covariance.T) / 2).round(DIGITS)
@@ -143,13 +143,13 @@ def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
     heights = {n: b.known["height"][0] for n, b in scene.surfaces.items() if "height" in b.known}
     if known.name is not None:
         return (reference(heights, known, "height", "m", "surface"),)
-    found = tuple(name for name, height in heights.items() if agrees(height, known.size))
-    if not found:
+    gauges = tuple(name for name, height in heights.items() if agrees(height, known.size))
+    if not gauges:
         listed = ", ".join(f"{name} {height:g} m" for name, height in heights.items())
         raise InputError(
             f"no surface of the scene is {known.size.text} high; it states: {listed or 'none'}"
         )
-    return found
+    return gauges
 
 
 def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind: str) -> str:
@@ -179,11 +179,11 @@ def agrees(value: float, stated: Stated) -> bool:
 
 def measuring_tree(scene: Scene, parameters: tuple[Parameter, ...]) -> Node:
     """Make the tree that measures all of `parameters`. Raises InputError: some of them cannot be measured there."""
-    found = assemble(scene, parameters)
-    if found.failed or found.tree is None:
-        reasons = " ".join(one.reason for one in found.failed)
+    assembled = assemble(scene, parameters)
+    if assembled.failed or assembled.tree is None:
+        reasons = " ".join(failure.reason for failure in assembled.failed)
         raise InputError(f"nothing is calibrated there: {reasons}")
-    return found.tree
+    return assembled.tree
 
 
 def calibration_plan(parameters: tuple[Parameter, ...], tree: Node) -> Plan:
@@ -201,6 +201,6 @@ def slow_motions(node: Node, ways: Sequence[Node]) -> Node:
     """Copy a tree with the motions `ways` slowed down to `SPEED`."""
     children = tuple(slow_motions(child, ways) for child in node.children)
     # Compared by identity: equal motions elsewhere in the tree stay as they are.
-    is_slow = any(node is way for way in ways)
+    is_slow = any(node is motion for motion in ways)
     args = (*node.args, ("speed", SPEED)) if is_slow else node.args
     return replace(node, args=args, children=children)

@@ -47,7 +47,7 @@ PLATE = """<mujoco model="calibration bench">
     <body name="plate" pos="0.4 0 -0.01">
       <geom type="box" size=".6 .5 .01" rgba=".7 .7 .72 1" friction="0.6 0.005 0.0001"/>
     </body>
-{things}
+{bodies}
   </worldbody>
 </mujoco>
 """
@@ -107,8 +107,8 @@ class CalibrationSession:
         """Bench with a camera that sees it."""
         return self._bench(CAMERA)
 
-    def _bench(self, things: str) -> Scene:
-        text = PLATE.format(gravity=-STANDARD_GRAVITY, things=things)
+    def _bench(self, bodies: str) -> Scene:
+        text = PLATE.format(gravity=-STANDARD_GRAVITY, bodies=bodies)
         return parse_scene(text, arm=self.arm)
 
     def findings(self, scene: Scene, plan: Plan) -> tuple[Finding, ...]:
@@ -117,8 +117,8 @@ class CalibrationSession:
         The rule `redundant` does not apply: a calibration needs recordings that no parameter of the
         plan uses.
         """
-        found = check(plan, scene, remeasure=True)
-        return tuple(finding for finding in found if finding.rule != "redundant")
+        findings = check(plan, scene, remeasure=True)
+        return tuple(finding for finding in findings if finding.rule != "redundant")
 
     def perform(
         self,
@@ -162,7 +162,7 @@ class CalibrationSession:
         self.cell, callbacks = cell, self.callbacks
         pipeline.confirm(run, callbacks, cell)
         if observer is not None:
-            every = [one for one in (observer, callbacks.observer) if one is not None]
+            every = [o for o in (observer, callbacks.observer) if o is not None]
             callbacks = replace(callbacks, observer=Observers(*every))
         # Execute; an incomplete execution gives no calibration.
         run = pipeline.measure(run, callbacks, cell)

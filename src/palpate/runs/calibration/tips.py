@@ -97,7 +97,7 @@ def fit_tips(
     full = place_stds(heights, 1.0, hand.pose_repeatability)
     require_plane(float(mean[0]), (high - design @ mean) / full, prior[0], known)
     # Variance of a height between the gauges, and of one somewhat above or below them.
-    here = float(np.trace(design @ covariance @ design.T)) / len(spots)
+    variance = float(np.trace(design @ covariance @ design.T)) / len(spots)
     away = leaning * AROUND
     std_x, std_y = np.sqrt(covariance.diagonal()[1:])
     # Compliance: the mean over touches. One loading curve is no more accurate than its contact
@@ -107,7 +107,7 @@ def fit_tips(
     scatter = max(float(compliances.std(ddof=1)), single / np.sqrt(len(touches)))
     return Tips(
         offset=hand.tip_offset + float(mean[0] - mean[1:] @ middle),
-        offset_std=float(np.linalg.norm([here**0.5, frame * BENT, frame * away, known.std])),
+        offset_std=float(np.linalg.norm([variance**0.5, frame * BENT, frame * away, known.std])),
         repeatability=repeated,
         # A slope along y is a rotation about x, one along x a negative rotation about y.
         lean=np.array([-mean[2], mean[1]]),
@@ -140,19 +140,19 @@ def shares(
     """
     # Stack all touches, with the place and the row of the plane for each.
     each = [len(high) for high in heights]
-    observed, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
-    place, one = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
+    measured, rows = np.concatenate(heights), np.repeat(design, each, axis=0)
+    place, identity = np.repeat(np.arange(len(each)), each), np.eye(sum(each))
     # Covariance of all touches: common height, tilts and frame error of each place, scatter of each touch.
     level, leans = rows[:, :1] * prior[0], rows[:, 1:] * prior[1:]
-    always: Array = level @ level.T + UNSEEN**2 * one
+    always: Array = level @ level.T + UNSEEN**2 * identity
     framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
     # Evaluate the evidence on a grid of shares.
     pairs = list(product(FRAMES, SHARES))
     # Gaussian log evidence of each pair of shares, without its constant.
     log_likelihoods: list[float] = []
     for frame, share in pairs:
-        covariance: Array = always + frame**2 * framed + (share * repeatability) ** 2 * one
-        misfit = float(observed @ np.linalg.solve(covariance, observed))
+        covariance: Array = always + frame**2 * framed + (share * repeatability) ** 2 * identity
+        misfit = float(measured @ np.linalg.solve(covariance, measured))
         log_likelihoods.append(-(misfit + float(np.linalg.slogdet(covariance)[1])) / 2.0)
     # Weights relative to the largest evidence, so that the exponential does not underflow.
     weights = np.exp(np.array(log_likelihoods) - max(log_likelihoods))
@@ -160,20 +160,20 @@ def shares(
     return frame, share
 
 
-def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -> None:
+def require_plane(offset: float, residuals: Array, prior: float, known: Stated) -> None:
     """Require that the gauges have the known height and lie in one plane.
 
-    `apart`, m, is the deviation from the known height, `residuals` (n,) are the whitened ones of the plane, and
+    `offset`, m, is the deviation from the known height, `residuals` (n,) are the whitened ones of the plane, and
     `prior`, m (1 sigma), is that of the arm's own height.
     """
-    side = "above" if apart > 0 else "below"
+    side = "above" if offset > 0 else "below"
     # Height against the certificate, with the prior of the arm's own height.
     tests = [
         chi_squared(
             "gauge",
-            apart**2 / (prior**2 + known.std**2),
+            offset**2 / (prior**2 + known.std**2),
             1,
-            f"It was met {1e3 * abs(apart):.2f} mm {side} the height that it is said to have "
+            f"It was met {1e3 * abs(offset):.2f} mm {side} the height that it is said to have "
             f"({known.text}): it is another one, or the fingers are not the description's.",
         )
     ]
@@ -189,7 +189,7 @@ def require_plane(apart: float, residuals: Array, prior: float, known: Stated) -
     require(tests, "the gauge")
 
 
-def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
+def rigid_touches(touches: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
     """Select the touches of a rigid surface.
 
     Certainly rigid touches are selected if they are the majority. Otherwise possibly rigid ones
@@ -199,16 +199,16 @@ def rigid_touches(found: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
         InputError: the majority is certainly compliant, or under something soft.
     """
     # Possibly rigid: the lower bound of the compliance is that of a rigid surface.
-    may_be = [touch for touch in found if touch.at_least <= RIGID and touch.soft == 0.0]
-    if 2 * len(may_be) <= len(found):
-        most = max((touch.at_least for touch in found), default=0.0)
+    may_be = [touch for touch in touches if touch.at_least <= RIGID and touch.soft == 0.0]
+    if 2 * len(may_be) <= len(touches):
+        most = max((touch.at_least for touch in touches), default=0.0)
         how = f"by {1e6 * most:.0f} µm/N at least" if most > RIGID else "above something rigid"
         raise InputError(
             f"the gauge gives way {how} where it was touched: put it on something rigid, with nothing soft "
             "on it; nothing is written"
         )
     certain = [touch for touch in may_be if not touch.gives_way]
-    return certain if 2 * len(certain) > len(found) else may_be
+    return certain if 2 * len(certain) > len(touches) else may_be
 
 
 def places_of(touches: Sequence[SurfaceTouch], base: Pose) -> tuple[Array, list[Array]]:
@@ -236,9 +236,9 @@ def require_places(count: int) -> None:
     """Require enough places to determine the tilt of the arm's frame. Raises InputError: there are
     fewer than `FEWEST`."""
     if count < FEWEST:
-        there = "at one place" if count == 1 else f"at {count} places"
+        where = "at one place" if count == 1 else f"at {count} places"
         raise InputError(
-            f"there are gauges {there}, and {FEWEST} are needed, {1e3 * APART:g} mm apart: fewer do not "
+            f"there are gauges {where}, and {FEWEST} are needed, {1e3 * APART:g} mm apart: fewer do not "
             "separate the fingers' length from the tilt of the arm's frame; give a scene with gauges of that "
             "height at several places"
         )

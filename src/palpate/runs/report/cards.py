@@ -219,7 +219,7 @@ def parameter_groups(run: Run) -> dict[str, list[ParameterText]]:
     # Compare under the names of the scene. Measured values are those that the twin holds.
     stated = partial(stated_parameter, quantities=catalogue())
     asked = set(map(stated, run.plan.parameters))
-    found = {stated(one.parameter): one for one in run.estimates if one.verdict in IN_TWIN}
+    estimates = {stated(e.parameter): e for e in run.estimates if e.verdict in IN_TWIN}
     groups: dict[str, list[ParameterText]] = {}
     for name, body in run.scene.bodies.items():
         states: dict[State, Mapping[str, tuple[float, ...]]] = {
@@ -230,7 +230,7 @@ def parameter_groups(run: Run) -> dict[str, list[ParameterText]]:
         for state, values in states.items():
             for id, value in values.items():
                 parameter = Parameter(name, id)
-                text = value_text(id, state, value, found.get(parameter))
+                text = value_text(id, state, value, estimates.get(parameter))
                 row = ParameterText(quantity_label(id), state, text, parameter in asked)
                 groups.setdefault(name, []).append(row)
     return groups

@@ -59,21 +59,21 @@ def diff_lines(diff: str) -> list[DiffLine]:
 
 def with_middles(block: Sequence[DiffLine], other: Sequence[DiffLine]) -> list[DiffLine]:
     """Separate each line's middle from the beginning and end that it shares with its counterpart."""
-    found: list[DiffLine] = []
+    lines: list[DiffLine] = []
     for line, counterpart in zip(block, other, strict=True):
-        mine, theirs = line.text, counterpart.text
+        text, changed = line.text, counterpart.text
         # Remove the common head, then the common tail of the rest.
-        head = common_prefix_length(mine, theirs)
-        tail = common_prefix_length(mine[head:][::-1], theirs[head:][::-1])
-        end = len(mine) - tail
-        found.append(DiffLine(line.kind, mine[:head], mine[head:end], mine[end:]))
-    return found
+        head = common_prefix_length(text, changed)
+        tail = common_prefix_length(text[head:][::-1], changed[head:][::-1])
+        end = len(text) - tail
+        lines.append(DiffLine(line.kind, text[:head], text[head:end], text[end:]))
+    return lines
 
 
-def common_prefix_length(one: str, other: str) -> int:
+def common_prefix_length(first: str, other: str) -> int:
     """Length of the common prefix of two texts."""
-    pairs = enumerate(zip(one, other, strict=False))
-    return next((i for i, (a, b) in pairs if a != b), min(len(one), len(other)))
+    pairs = enumerate(zip(first, other, strict=False))
+    return next((i for i, (a, b) in pairs if a != b), min(len(first), len(other)))
 
 
 @dataclass(frozen=True, slots=True)
@@ -102,19 +102,19 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
                 pictures.append(np.asarray(image.convert("RGB")))
         except (OSError, ValueError, Image.DecompressionBombError):
             return None
-    one, other = pictures
-    if one.shape != other.shape:
+    first, other = pictures
+    if first.shape != other.shape:
         return None
     # Use int16: differences of uint8 wrap around.
-    apart = np.abs(one.astype(np.int16) - other.astype(np.int16)).max(axis=2) > SEEN
-    share = float(apart.mean())
+    differs = np.abs(first.astype(np.int16) - other.astype(np.int16)).max(axis=2) > SEEN
+    share = float(differs.mean())
     if share < LEAST:
         return Change(share, None)
     # Show the second picture in pale grey, and the changed pixels in the accent's colour.
     grey = other.mean(axis=2, keepdims=True)
     pale = (0.45 * grey + 0.55 * 255).astype(np.uint8)
     shown = np.repeat(pale, 3, axis=2)
-    shown[apart] = (0.35 * other[apart] + 0.65 * np.array(MARK)).astype(np.uint8)
+    shown[differs] = (0.35 * other[differs] + 0.65 * np.array(MARK)).astype(np.uint8)
     return Change(share, png(shown))
 
 

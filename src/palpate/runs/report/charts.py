@@ -114,8 +114,8 @@ def charts(estimate: Estimate, truth: Truth | None = None) -> tuple[Chart, ...]:
             drawn.append(Chart(view.name, view.note, fit_figure(view, estimate, truth)))
         except Exception as error:
             # A failed chart must not cost the page.
-            what, kind = estimate.parameter, type(error).__name__
-            log.warning("no chart of %s: %s: %s", what, kind, error)
+            parameter, kind = estimate.parameter, type(error).__name__
+            log.warning("no chart of %s: %s: %s", parameter, kind, error)
     return tuple(drawn)
 
 
@@ -160,7 +160,7 @@ def fit_figure(view: FitView, estimate: Estimate, truth: Truth | None) -> Figure
     if residuals:
         # A second axis below, on the same abscissa.
         left = view.measured - view.predicted
-        data += [{**one, "showlegend": False} for one in measured_traces(view, std, left, "y2")]
+        data += [{**trace, "showlegend": False} for trace in measured_traces(view, std, left, "y2")]
         near = np.concatenate([(left - std)[certain], (left + std)[certain], left, [0.0]])
         layout["yaxis2"] = {
             "title": {"text": "residual", "standoff": 6},
@@ -224,7 +224,7 @@ def measured_traces(view: FitView, std: Array, values: Array, axis: str) -> Iter
     # Draw each group in its colour. Dense rows without deviations become a line, all others points.
     groups = [view.groups] * len(view.x) if isinstance(view.groups, str) else view.groups
     for colour, group in zip(COLOURS, dict.fromkeys(groups), strict=False):
-        rows = np.array([one == group for one in groups])
+        rows = np.array([member == group for member in groups])
         if rows.sum() > MANY and not std[rows].any():
             yield _line(group, view.x[rows], values[rows], axis, NORM, 1.2)
             if not used[rows].all():

@@ -125,10 +125,10 @@ class LivePage:
         answered = threading.Event()
         allowed = self._server.gui.add_button("Let it move", color="teal", order=0.5)
         refused = self._server.gui.add_button("Do not", order=0.6)
-        said: list[bool] = []
+        answers: list[bool] = []
 
         def answer(event: viser.GuiEvent[viser.GuiButtonHandle]) -> None:
-            said.append(event.target is allowed)
+            answers.append(event.target is allowed)
             answered.set()
 
         allowed.on_click(answer)
@@ -139,7 +139,7 @@ class LivePage:
         finally:
             allowed.remove()
             refused.remove()
-        return said[0]
+        return answers[0]
 
     def on_tick(self, snapshot: Snapshot) -> None:
         """Record a tick; draw at most fifteen times a second."""

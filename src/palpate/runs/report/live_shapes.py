@@ -187,18 +187,18 @@ def _surface(model: mujoco.MjModel, geom: int) -> Surface | None:
             face, faces = int(model.mesh_faceadr[mesh]), int(model.mesh_facenum[mesh])
             return model.mesh_vert[first : first + count], model.mesh_face[face : face + faces]
         case Type.mjGEOM_BOX:
-            run = creation.box((2 * x, 2 * y, 2 * z))
+            solid = creation.box((2 * x, 2 * y, 2 * z))
         case Type.mjGEOM_CYLINDER:
-            run = creation.cylinder(x, 2 * y, sections=48)
+            solid = creation.cylinder(x, 2 * y, sections=48)
         case Type.mjGEOM_SPHERE:
-            run = creation.icosphere(subdivisions=3, radius=x)
+            solid = creation.icosphere(subdivisions=3, radius=x)
         case Type.mjGEOM_ELLIPSOID:
-            run = creation.icosphere(subdivisions=3).apply_scale((x, y, z))
+            solid = creation.icosphere(subdivisions=3).apply_scale((x, y, z))
         case Type.mjGEOM_CAPSULE:
-            run = creation.capsule(height=2 * y, radius=x, count=[16, 16])
-            run.apply_translation(-run.bounds.mean(axis=0))
+            solid = creation.capsule(height=2 * y, radius=x, count=[16, 16])
+            solid.apply_translation(-solid.bounds.mean(axis=0))
         case Type.mjGEOM_PLANE:
-            run = creation.box((2 * (x or PLANE), 2 * (y or PLANE), 1e-4))
+            solid = creation.box((2 * (x or PLANE), 2 * (y or PLANE), 1e-4))
         case _:
             return None
-    return run.vertices.astype(np.float32), run.faces.astype(np.int32)
+    return solid.vertices.astype(np.float32), solid.faces.astype(np.int32)

@@ -224,9 +224,9 @@ def render_report(data: ReportData) -> str:
 
 def verdict_title(run: Run) -> str:
     """Headline of the page."""
-    held = None if run.execution is None else run.execution.held
-    if run.status == "aborted" and held is not None and held.became != "put down":
-        return f"Stopped: the hand {'still holds' if held.became == 'held' else 'lost'} {held.name}"
+    carried = None if run.execution is None else run.execution.held
+    if run.status == "aborted" and carried is not None and carried.became != "put down":
+        return f"Stopped: the hand {'still holds' if carried.became == 'held' else 'lost'} {carried.name}"
     return VERDICTS[run.status]
 
 
@@ -239,7 +239,7 @@ def verdict_sentence(run: Run) -> str:
     if run.status == "aborted":
         return run.reason or "The robot stopped before the plan was finished."
     # Count the identified estimates, and name axes and objects that are doubtful.
-    found = sum(estimate.identified for estimate in run.estimates)
+    count = sum(estimate.identified for estimate in run.estimates)
     wanted = max(len(run.plan.parameters), len(run.estimates))
     unknowns = "unknown" if wanted == 1 else "unknowns"
     blind = [
@@ -250,7 +250,7 @@ def verdict_sentence(run: Run) -> str:
     but = f", but for {', '.join(blind)}" if blind else ""
     elsewhere = [name for name, belief in run.beliefs.items() if belief.contradiction]
     not_there = f"; {', '.join(elsewhere)} not where it was seen" if elsewhere else ""
-    return f"{found} of {wanted} {unknowns} measured{but}{not_there}."
+    return f"{count} of {wanted} {unknowns} measured{but}{not_there}."
 
 
 def picture_uris(pictures: Pictures) -> dict[str, Any]:
@@ -283,15 +283,15 @@ def next_steps(run: Run, failure: Branch | None) -> Iterator[str]:
     if run.status != "aborted":
         return
     # First the object in the hand, then the failure, then the next run.
-    held = None if run.execution is None else run.execution.held
-    if held is not None:
-        name = held.name
+    carried = None if run.execution is None else run.execution.held
+    if carried is not None:
+        name = carried.name
         advice = {
             "held": f"Support {name}, open the fingers, and put it back where the scene has it.",
             "lost": f"Find {name} and put it back where the scene has it.",
         }
         put_down = f"{name} was put down: see that it stands where the scene has it."
-        yield advice.get(held.became, put_down)
+        yield advice.get(carried.became, put_down)
     failed = failure is not None and failure.fate == "failure"
     if failure is not None and failed:
         yield ADVICE.get(failure.group, ADVICE["motion"])

@@ -63,27 +63,27 @@ class Prediction:
     panels: tuple[Panel, ...]
 
 
-def predictions(held: HeldOut | None) -> list[Prediction]:
+def predictions(held_out: HeldOut | None) -> list[Prediction]:
     """Make the panels of the predictions, one entry for each motion."""
-    found: list[Prediction] = []
-    for motion in held.motions if held is not None else ():
+    rows: list[Prediction] = []
+    for motion in held_out.motions if held_out is not None else ():
         title = motion.motion[:1].upper() + motion.motion[1:]
         panels = tuple(signal_panels(motion.curve))
-        found.append(
+        rows.append(
             Prediction(title, motion.agrees, prediction_text(motion), motion.disagreement, panels)
         )
-    return found
+    return rows
 
 
 def prediction_text(motion: HeldOutMotion) -> str:
-    way = "more" if motion.weight > 0 else "less"
+    direction = "more" if motion.weight > 0 else "less"
     weight, std = round_to_std(1e3 * abs(motion.weight), 1e3 * motion.weight_std)
     return (
         f"The joint torques were predicted to {significant(1e3 * motion.rms, 2)} mN·m (root mean square), where "
         f"the scene as given would have been {significant(1e3 * motion.rms_template, 3)} mN·m off. Against what noise "
         f"and uncertainty allow, χ² is {motion.chi2:.0f} at {motion.dof} degrees of freedom (p = {motion.p:.2g}), and "
         f"{motion.chi2_template:.0f} for the scene as given. The {motion.object} weighed {weight} ± {std} g "
-        f"{way} than predicted."
+        f"{direction} than predicted."
     )
 
 

@@ -84,13 +84,13 @@ def scenarios() -> Mapping[str, Scenario]:
 
 def scenario(name: str) -> Scenario:
     """Return the scenario `name`. Raises InputError: unknown; the message lists the valid ones."""
-    found = scenarios()
-    if name in found:
-        return found[name]
-    cases = [other for other in found if other.startswith(f"{name}/")]
+    catalogue = scenarios()
+    if name in catalogue:
+        return catalogue[name]
+    cases = [other for other in catalogue if other.startswith(f"{name}/")]
     if cases:
         raise InputError(f"'{name}' is a group of scenarios; choose one: {', '.join(cases)}")
-    raise unknown_name("scenario", name, found)
+    raise unknown_name("scenario", name, catalogue)
 
 
 def _read(name: str) -> Scenario:
