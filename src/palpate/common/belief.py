@@ -59,8 +59,8 @@ class BeliefTouch:
         axes = zip("xyz", self.along, strict=True)
         axis, part = max(axes, key=lambda item: abs(item[1]))
         sign = "-" if part < 0.0 else "+"
-        apart = round(1e3 * self.apart, 1) + 0.0  # no negative zero
-        return f"{apart:+.1f} ± {1e3 * self.std:.1f} mm along {sign}{axis}"
+        gap = round(1e3 * self.apart, 1) + 0.0  # no negative zero
+        return f"{gap:+.1f} ± {1e3 * self.std:.1f} mm along {sign}{axis}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -117,7 +117,7 @@ class Belief:
         return float(np.sqrt(row @ self.covariance @ row))
 
     def touched(
-        self, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
+        self, means: Means, along: Array, point: Array, gap: float, pushed: float = 0.0
     ) -> Belief:
         """Update the belief by a touch at `point` (3,), m, that was `apart` m farther along `along` (3,) than
         believed.
@@ -134,15 +134,15 @@ class Belief:
         spread = float(row @ prior @ row)
         x, y, z = along.tolist()
         touch = BeliefTouch(
-            means, (x, y, z), tuple(point.tolist()), apart, noise, float(np.sqrt(spread))
+            means, (x, y, z), tuple(point.tolist()), gap, noise, float(np.sqrt(spread))
         )
         # Inflate a contradicted prior.
         if touch.contradicts:
-            prior *= max(((apart / SURE) ** 2 - noise**2) / max(spread, 1e-12), 1.0)
+            prior *= max(((gap / SURE) ** 2 - noise**2) / max(spread, 1e-12), 1.0)
             spread = float(row @ prior @ row)
         # Kalman gain K = P Hᵀ / (H P Hᵀ + R), and the correction of the pose.
         gain = prior @ row / (spread + noise**2)
-        step = gain * apart
+        step = gain * gap
         # Joseph form of the covariance, which stays positive semidefinite.
         rest = np.eye(6) - np.outer(gain, row)
         covariance = rest @ prior @ rest.T + noise**2 * np.outer(gain, gain)

@@ -258,7 +258,7 @@ class Brought:
         return own is its or own in its.iterancestors() or its in own.iterancestors()
 
 
-def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> Brought | None:
+def brought(attach: Element, model: Document, attachments: tuple[Element, ...]) -> Brought | None:
     """Find the content that an `<attach>` in `model`, itself brought by `through`, brings; None without it."""
     called = attach.get("model")
     source = model if called is None else model.models.get(called)
@@ -274,12 +274,12 @@ def brought(attach: Element, model: Document, through: tuple[Element, ...]) -> B
             break
     if content is None:
         return None
-    return Brought(content, source, called is None, (*through, attach))
+    return Brought(content, source, called is None, (*attachments, attach))
 
 
-def prefix(through: Sequence[Element]) -> str:
+def prefix(attachments: Sequence[Element]) -> str:
     """Return the prefix of names by nested `<attach>` elements, the outermost first."""
-    return "".join(attach.get("prefix") or "" for attach in through)
+    return "".join(attach.get("prefix") or "" for attach in attachments)
 
 
 def attached_names(attach: Element, document: Document) -> set[str]:
@@ -291,8 +291,8 @@ def attached_names(attach: Element, document: Document) -> set[str]:
     return {content.prefix + name for part in parts if (name := part.get("name"))}
 
 
-def iter_ancestors(element: Element, through: Sequence[Element]) -> Iterator[Element]:
+def iter_ancestors(element: Element, attachments: Sequence[Element]) -> Iterator[Element]:
     """Yield the ancestors of an element from inside out, including those of the `<attach>` elements."""
     yield from element.iterancestors()
-    for attach in reversed(through):
+    for attach in reversed(attachments):
         yield from attach.iterancestors()

@@ -166,10 +166,10 @@ class Roles:
         return compiled_name(element, own, () if part is None else part.through)
 
 
-def compiled_name(element: Element, own: str, through: Sequence[Element]) -> str:
+def compiled_name(element: Element, own: str, attachments: Sequence[Element]) -> str:
     """Return the compiled name of an element called `own` that `through` some `<attach>` elements bring."""
-    marks = [copy_mark(part) for part in (element, *reversed(through))]
-    return prefix(through) + own + "".join(marks)
+    marks = [copy_mark(part) for part in (element, *reversed(attachments))]
+    return prefix(attachments) + own + "".join(marks)
 
 
 def find_roles(document: Document) -> Roles:

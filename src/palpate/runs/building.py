@@ -219,9 +219,9 @@ def build_twin(run: Run, callbacks: RunCallbacks = SILENT) -> Run:
 
 def estimates_to_write(run: Run, estimates: Sequence[Estimate]) -> list[Estimate]:
     """Leave out what the scene states. A recording shows it, though nobody asked to measure it again."""
-    found = {one.parameter: one for one in estimates}
+    estimate_of = {e.parameter: e for e in estimates}
     is_asked = not run.is_recorded or run.settings.remeasure
-    return [found[one] for one in split_known(found, run.scene, is_asked)[1]]
+    return [estimate_of[e] for e in split_known(estimate_of, run.scene, is_asked)[1]]
 
 
 def sizes_on_the_way(run: Run, scene: Scene) -> list[Estimate]:
@@ -235,8 +235,8 @@ def sizes_on_the_way(run: Run, scene: Scene) -> list[Estimate]:
         return []
     # Objects with a measured size as a request need no second one.
     unsure = [body for body in scene.objects.values() if body.seen and body.name not in asked]
-    found = [size_on_the_way(remove_spoiled(trace), body) for body in unsure]
-    return [size for size in found if size is not None]
+    sizes = [size_on_the_way(remove_spoiled(trace), body) for body in unsure]
+    return [size for size in sizes if size is not None]
 
 
 def touched_beside(run: Run, cell: Cell) -> AbstractContextManager[Beside[Given] | None]:

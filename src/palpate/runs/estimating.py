@@ -52,15 +52,15 @@ def estimates(
     run = replace(run, estimates=(), held_out=None, recorded=trace)
     # Use the surfaces and poses that the run measured.
     scene = run.scene if trace is None else _as_felt(run, trace)
-    found: dict[Parameter, Estimate] = {}
+    estimate_of: dict[Parameter, Estimate] = {}
 
     def make(later: Collection[str]) -> Iterator[Run]:
         """Make all estimates that do not exist yet, except those of the objects in `later`."""
-        wanted = [one for one in run.plan.parameters if one not in found]
-        wanted = [one for one in wanted if one.object not in later]
+        wanted = [p for p in run.plan.parameters if p not in estimate_of]
+        wanted = [p for p in wanted if p.object not in later]
         for estimate in shared_out(partial(_estimate_parameter, run, scene), wanted):
-            found[estimate.parameter] = estimate
-            every = [found[one] for one in run.plan.parameters if one in found]
+            estimate_of[estimate.parameter] = estimate
+            every = [estimate_of[p] for p in run.plan.parameters if p in estimate_of]
             yield replace(run, estimates=tuple(every))
 
     # Make the estimates of objects that no copy works on, then collect those of the copies.
@@ -68,10 +68,10 @@ def estimates(
     if ahead is not None:
         yield from make(later=ahead.begun)
         early = _select_still_valid(ahead.results(), scene, trace)
-        found |= {one.parameter: one for each in early.values() for one in each.estimates}
+        estimate_of |= {p.parameter: p for each in early.values() for p in each.estimates}
     yield from make(later=())
     # Judge the complete set, in the plan's order.
-    every = [found[one] for one in run.plan.parameters]
+    every = [estimate_of[p] for p in run.plan.parameters]
     run = replace(run, estimates=(*every, *_estimates_without_value(run)))
     callbacks.progress("validating the estimates on held-out motions")
     run = _validate(run, scene, early={name: each.motion for name, each in early.items()})
@@ -83,8 +83,8 @@ def estimates(
 
 def _estimates_without_value(run: Run) -> Iterator[Estimate]:
     """Make estimates without a value for the requested parameters that the plan does not measure."""
-    for one in run.plan.unmeasured:
-        yield from (failed_estimate(parameter, one.reason) for parameter in one.parameters)
+    for failure in run.plan.unmeasured:
+        yield from (failed_estimate(parameter, failure.reason) for parameter in failure.parameters)
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,11 +105,11 @@ def judge_object(run: Run, name: str) -> Judged | None:
     try:
         trace = run.trace
         scene, evidence = _as_felt(run, trace), select_evidence(remove_spoiled(trace), name)
-        wanted = [one for one in run.plan.parameters if one.object == name]
-        found = tuple(_estimate_parameter(run, scene, one) for one in wanted)
+        wanted = [p for p in run.plan.parameters if p.object == name]
+        estimates = tuple(_estimate_parameter(run, scene, p) for p in wanted)
         lifted = any(held_still(evidence, name))
-        motion = judge(scene, evidence, found, name, None) if lifted else None
-        return Judged(_key(scene, evidence, name), found, motion)
+        motion = judge(scene, evidence, estimates, name, None) if lifted else None
+        return Judged(_key(scene, evidence, name), estimates, motion)
     except Exception:
         return None
 
@@ -182,10 +182,10 @@ def reestimate(run: Run, choice: Mapping[str, str] | None = None) -> Run:
         )
     # Repeat estimation and validation as the run did them.
     scene = _as_felt(run, trace)
-    recorded = [one.parameter for one in run.estimates] if run.is_recorded else ()
-    found = estimate_all(recorded or run.plan.parameters, trace, scene.bodies, choice or {})
+    recorded = [e.parameter for e in run.estimates] if run.is_recorded else ()
+    fresh = estimate_all(recorded or run.plan.parameters, trace, scene.bodies, choice or {})
     annotated = (
-        *(_annotate(run, estimate) for estimate in found),
+        *(_annotate(run, estimate) for estimate in fresh),
         *_estimates_without_value(run),
     )
     again = replace(run, recorded=trace, estimates=annotated, held_out=None, finished=None)
@@ -199,16 +199,16 @@ def with_views(run: Run) -> Run:
     a different value gets none. Without a trace or a scene, no estimate gets any.
     """
     trace = run.trace_if_any
-    has_views = any(one.views for one in run.estimates)
+    has_views = any(e.views for e in run.estimates)
     if trace is None or not run.scene.bodies or has_views:
         return run
     with suppress(PalpateError):
         # Attach the views only to equal values.
-        wanted = [one.parameter for one in run.estimates]
-        found = estimate_all(wanted, trace, _as_felt(run, trace).bodies)
+        wanted = [e.parameter for e in run.estimates]
+        fresh = estimate_all(wanted, trace, _as_felt(run, trace).bodies)
         same = [
-            replace(one, views=again.views) if np.array_equal(one.values, again.values) else one
-            for one, again in zip(run.estimates, found, strict=True)
+            replace(e, views=again.views) if np.array_equal(e.values, again.values) else e
+            for e, again in zip(run.estimates, fresh, strict=True)
         ]
         return replace(run, recorded=trace, estimates=tuple(same))
     return run
@@ -238,13 +238,13 @@ def _validate(
     if trace is None:
         return run
     try:
-        held = held_out(scene, trace, run.estimates, choice, early)
+        held_out_motions = held_out(scene, trace, run.estimates, choice, early)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(run, held_out=HeldOut((), (reason,)))
-    if held is None:
+    if held_out_motions is None:
         return run
-    return replace(run, held_out=held, estimates=with_tests(run.estimates, held))
+    return replace(run, held_out=held_out_motions, estimates=with_tests(run.estimates, held_out_motions))
 
 
 # Estimates of finished objects, made while the arm handles the next one.
@@ -261,7 +261,7 @@ class Ahead:
         """Begin without estimates of the run; `beside` is a copy that already runs."""
         self._made, self._beside = run, beside
         # Only objects are estimated ahead, each once.
-        of_objects = (one.object for one in run.plan.parameters)
+        of_objects = (p.object for p in run.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in run.scene.objects]
         self._copies: dict[str, Beside[Judged | None]] = {}
         self._leaves = 0
@@ -296,8 +296,8 @@ class Ahead:
 
     def results(self) -> Mapping[str, Judged]:
         """Wait for the estimates that were started, and return them by object."""
-        found = {name: copy.result() for name, copy in self._copies.items()}
-        return {name: one for name, one in found.items() if one is not None}
+        results = {name: copy.result() for name, copy in self._copies.items()}
+        return {name: result for name, result in results.items() if result is not None}
 
     def _has_free_processor(self) -> bool:
         """True if a processor is free in addition to those of the execution and of the copies."""

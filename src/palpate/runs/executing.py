@@ -67,8 +67,8 @@ class CameraWatch:
             seen = self.see()
         except Unavailable as error:
             raise LeafFailure(f"the look after the motion failed: {error}") from error
-        if seen is not None and (found := [*iter_displacements(state, seen)]):
-            raise LeafFailure(f"{'; '.join(found)}: see what moved it, and look again")
+        if seen is not None and (displacements := [*iter_displacements(state, seen)]):
+            raise LeafFailure(f"{'; '.join(displacements)}: see what moved it, and look again")
         return state
 
 
@@ -81,7 +81,7 @@ def iter_displacements(state: SymbolicState, seen: Seen) -> Iterator[str]:
             spread = spread + belief.covariance[:2, :2]
         # Allow the nearer of the believed and the first seen position; test along the displacement.
         ways = [(pose.position - place.position)[:2] for place in _places(state, name)]
-        off = min(ways, key=lambda way: float(way @ way))
+        off = min(ways, key=lambda offset: float(offset @ offset))
         far = float(np.linalg.norm(off))
         along = float(np.sqrt(off @ spread @ off)) / far if far > 0.0 else 0.0
         most = MOVED + SURE * along

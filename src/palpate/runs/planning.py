@@ -91,9 +91,9 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
         try:
             answer = planner.plan(request, scene, images)
         except PlanRejected as rejection:
-            found, unused = rejection.proposal, rejection.not_used
+            proposal, unused = rejection.proposal, rejection.not_used
             answer = Plan(
-                (), None, str(rejection), settings.planner, proposal=found, not_used=unused
+                (), None, str(rejection), settings.planner, proposal=proposal, not_used=unused
             )
     # Complete the answer: the detected scene, notes, and parameters that the plan omits.
     seen, conversation = None, None
@@ -255,8 +255,8 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
 def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
     """Note the requested parameters that a plan of a model or a file omits without a reason."""
     # Parameters with a stated reason are not omissions.
-    explained = {parameter for one in answer.unmeasured for parameter in one.parameters}
-    left_out = [one for one in wanted if one not in explained | set(answer.parameters)]
+    explained = {parameter for item in answer.unmeasured for parameter in item.parameters}
+    left_out = [item for item in wanted if item not in explained | set(answer.parameters)]
     if answer.tree is None or not left_out:
         return answer
     more = UnmeasuredParameters("The plan does not measure it.", tuple(left_out))

@@ -399,15 +399,15 @@ def numbered(nodes: Sequence[object]) -> list[object]:
     places = {id: id if isinstance(id, int) else at for at, id in enumerate(ids)}
     if len(places) != len(ids) or len({isinstance(id, int) for id in ids}) > 1:
         return list(nodes)
-    found: list[object] = []
+    numbered_nodes: list[object] = []
     for node in known:
         below = children_of(node)
         if not any("children" in item for item in known):
             below = [item["id"] for item in known if item.get("parent") == node["id"]]
         rest = {key: each for key, each in node.items() if key != "parent"}
         below = [places.get(item, item) if isinstance(item, int | str) else item for item in below]
-        found.append({**rest, "id": places[node["id"]], "children": below})
-    return found
+        numbered_nodes.append({**rest, "id": places[node["id"]], "children": below})
+    return numbered_nodes
 
 
 def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:

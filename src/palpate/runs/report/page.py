@@ -172,7 +172,7 @@ def render_report(data: ReportData) -> str:
     """Render the page's HTML."""
     run, trace, twin, done = data.run, data.run.trace_if_any, data.run.finished, data.run.execution
     # Prepare cards, tree and first failure, which several sections use.
-    made = cards(run)
+    cells = cards(run)
     tree = sections.branches(run.plan, trace)
     failure = sections.first_failure(tree)
     poses = list(sections.pose_rows(run.beliefs))
@@ -194,11 +194,11 @@ def render_report(data: ReportData) -> str:
         actions=run.plan.actions,
         begun=begun,
         robot_seconds=None if done is None else done.robot_seconds,
-        cards=made,
-        forest=forest(made),
+        cards=cells,
+        forest=forest(cells),
         FEW=FEW,
-        retraced=any(card.evidence or card.charts for card in made),
-        captions=in_words(made),
+        retraced=any(card.evidence or card.charts for card in cells),
+        captions=in_words(cells),
         parameters=parameter_groups(run),
         poses=poses,
         tree=tree,

@@ -141,8 +141,8 @@ def write_all(
     with collecting_shortfalls("the pictures were not made", missing):
         pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
     with collecting_shortfalls("the film was not made", missing):
-        made = darkroom.film.result() if darkroom else take_film(run)
-        pictures = pictures if made is None else replace(pictures, film=made)
+        film = darkroom.film.result() if darkroom else take_film(run)
+        pictures = pictures if film is None else replace(pictures, film=film)
     with collecting_shortfalls("the pictures were not written", missing):
         write_images(pictures, folder)
     with (
