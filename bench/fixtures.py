@@ -17,7 +17,7 @@ import numpy as np
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs import pipeline
-from palpate.runs.executing import cut_off
+from palpate.runs.executing import end_execution
 from palpate.runs.run import Run
 from palpate.scene.load import parse_scene
 from palpate.studies.scenarios.catalogue import scenario
@@ -165,7 +165,7 @@ def execute_or_read(made: Run, cell: SimulatedCell, case: Case, traces: Path | N
     """Execute a planned run of a case, or read its trace if the folder `traces` has it; keep the trace there."""
     file = None if traces is None else traces / f"{case.name}.mcap"
     if file is not None and file.exists():
-        return cut_off(replace(made, recorded=read_mcap(file)))
+        return end_execution(replace(made, recorded=read_mcap(file)))
     made = pipeline.execute(made, cell)
     if file is not None and made.trace_if_any is not None:
         file.parent.mkdir(parents=True, exist_ok=True)

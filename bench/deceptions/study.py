@@ -25,7 +25,7 @@ from palpate.estimation.wrench_observation import observe
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
 from palpate.robots.simulated.noise.models import noise_models
 from palpate.runs import pipeline
-from palpate.runs.executing import cut_off
+from palpate.runs.executing import end_execution
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
@@ -171,7 +171,7 @@ def measured(case: Case, traces: Path | None = None) -> Run:
         made, cell = _planned(settings, scene_text, world_text)
         file = None if traces is None else traces / f"{_digest(case, world_text, world)}.mcap"
         if file is not None and file.exists():
-            made = cut_off(replace(made, recorded=read_mcap(file)))
+            made = end_execution(replace(made, recorded=read_mcap(file)))
         else:
             made = pipeline.execute(made, cell)
             if file is not None:

@@ -98,8 +98,8 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
 def test_what_is_asked_for_and_was_not_seen_is_named(scene: Callable[..., Path]) -> None:
     plan = pp.load(scene(cube(), cube("tin", y=0.2))).plan(measure="cube.mass")
     with pytest.raises(InputError, match="did not see cube:"):
-        require_seen(plan.made, seen("tin", unseen=("cube",)))
-    notes = require_seen(plan.made, seen("cube", unseen=("tin",))).plan.notes
+        require_seen(plan.run_so_far, seen("tin", unseen=("cube",)))
+    notes = require_seen(plan.run_so_far, seen("cube", unseen=("tin",))).plan.notes
     assert notes[-2:] == (
         "The look: a tag leans.",
         "Not seen, and taken to stand as stated: tin.",

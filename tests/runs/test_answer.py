@@ -24,7 +24,7 @@ SHELF = """<mujoco><worldbody>
 
 def run_with(request: str, **masses: float | None) -> pp.Run:
     """A run that measured these masses, kg, to 1 g; None is one without a value."""
-    made = pp.load(SHELF).plan("the mass of the novel and the glass").made
+    made = pp.load(SHELF).plan("the mass of the novel and the glass").run_so_far
     estimates: list[pp.Estimate] = []
     for name, mass in masses.items():
         parameter = pp.Parameter(name, "mass")

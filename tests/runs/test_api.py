@@ -370,7 +370,7 @@ def test_windows_of_another_form_are_shown_the_form(loaded: Any) -> None:
 
 def test_a_parameter_may_be_named_by_itself() -> None:
     assert pp.load(DESK).plan(measure=MASS).parameters == (MASS,)
-    assert pp.load(DESK).plan(measure=None).made.settings.measure == ()
+    assert pp.load(DESK).plan(measure=None).run_so_far.settings.measure == ()
 
 
 def test_what_the_planner_cannot_be_is_named() -> None:

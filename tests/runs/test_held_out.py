@@ -131,7 +131,7 @@ def test_the_report_shows_the_joints_with_most_of_the_load(run: pp.Run) -> None:
     assert len(shown.panels) == 3
     assert {panel.name for panel in shown.panels} > {"joint 2", "joint 4"}
     assert all(len(panel.points) >= 3 for panel in shown.panels)
-    assert "than predicted" in shown.said
+    assert "than predicted" in shown.text
     assert predictions(None) == []
 
 

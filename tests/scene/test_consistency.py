@@ -6,7 +6,7 @@ import pytest
 
 from palpate.common.errors import InputError
 from palpate.common.parameter import PlanRejected
-from palpate.mjcf.contacts import what_decides
+from palpate.mjcf.contacts import find_friction_override
 from palpate.planning.symbolic.planner import SymbolicPlanner
 from palpate.scene.load import parse_scene
 from palpate.scene.remarks import contradictions, overlaps, remarks
@@ -110,7 +110,7 @@ def test_copies_of_an_object_are_nothing_that_it_stands_on() -> None:
         '<body name="table" pos=".5 0 .1"><geom type="box" size=".3 .3 .1" friction=".2"/></body>'
     )
     scene = read(f'{table}{box}<replicate count="2" offset="0 -.1 0">{tin}</replicate>')
-    assert what_decides(scene.resolved.description.bodies["box"]) == ""
+    assert find_friction_override(scene.resolved.description.bodies["box"]) == ""
 
 
 def test_a_keyframe_that_is_no_numbers_is_refused() -> None:

@@ -28,13 +28,13 @@ def test_a_plan_is_found_for_each_of_them(made):
     scene = pp.load(made.scene, poses=made.poses)
     for name in scene.objects:
         plan = scene.plan(f"how heavy is the {name.replace('_', ' ')}?")
-        assert plan.made.ready, name
+        assert plan.run_so_far.ready, name
 
 
 def test_a_full_table_stands_apart(tmp_path):
     names = sorted(kinds())[:MAX_OBJECTS]
     scene = pp.load(new_scene(tmp_path, names).scene)
-    assert scene.plan(f"how heavy is the {names[7]}?").made.ready
+    assert scene.plan(f"how heavy is the {names[7]}?").run_so_far.ready
     model = mujoco.MjModel.from_xml_string(new_scene(tmp_path / "again", names).scene.read_text())
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)

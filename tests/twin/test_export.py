@@ -88,7 +88,7 @@ def kitchen() -> Twin:
 def test_urdf_has_masses_shapes_and_joints(kitchen: Twin, tmp_path: Path) -> None:
     made = export(kitchen, "urdf", tmp_path)
     assert made.file.name == "scene.urdf"
-    assert (made.held, made.lost) == ((MASS,), (FRICTION, STIFFNESS))
+    assert (made.kept, made.lost) == ((MASS,), (FRICTION, STIFFNESS))
     placement = json.loads((made.file.parent / "placement.json").read_text())
     spec = read_spec(mujoco, str(made.file), placement)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
@@ -143,7 +143,7 @@ def test_usd_has_masses_frictions_and_shapes(kitchen: Twin, tmp_path: Path) -> N
 
     made = export(kitchen, "usd", tmp_path)
     assert made.file.name == "scene.usdc"
-    assert (made.held, made.lost) == ((MASS, FRICTION), (STIFFNESS,))
+    assert (made.kept, made.lost) == ((MASS, FRICTION), (STIFFNESS,))
     assert made.acts_in(MASS) == ()
     stage = Usd.Stage.Open(str(made.file))
     mug = next(prim for prim in stage.Traverse() if prim.GetName() == "mug")
@@ -255,7 +255,7 @@ def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, t
     if to == "usd":
         pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
     made = export(build(parse_scene(UNNAMED)), to, tmp_path)
-    assert MASS in made.held
+    assert MASS in made.kept
     assert (made.acts_in(MASS) == ("mujoco",)) == (to != "usd")
     said = "\n".join(made.notes)
     assert "tin.mass is unknown: the export has MuJoCo's default, 0.2827 kg" in said
@@ -390,7 +390,7 @@ def test_mjcf_takes_its_files_along(
     scattered: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     made = export(scattered, "mjcf", tmp_path)
-    assert (made.held, made.lost) == ((MASS, FRICTION, STIFFNESS), ())
+    assert (made.kept, made.lost) == ((MASS, FRICTION, STIFFNESS), ())
     moved = tmp_path / "elsewhere" / "twin"
     shutil.move(made.file.parent, moved)
     shutil.rmtree(tmp_path / "scattered")
@@ -411,7 +411,7 @@ def test_meshes_from_anywhere_are_exported(scattered: Twin, tmp_path: Path, to: 
     if to == "usd":
         pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
     made = export(scattered, to, tmp_path)
-    assert MASS in made.held
+    assert MASS in made.kept
     shutil.rmtree(tmp_path / "scattered")
     if to == "urdf":
         placement = json.loads((made.file.parent / "placement.json").read_text())

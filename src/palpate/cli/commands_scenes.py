@@ -86,7 +86,7 @@ def plan(
     asked = settings_of(**one_scene(scene, given), **model).check_values()
     planned = plan_of(pipeline.plan(asked, pipeline.load(asked)))
     show_plan(planned, as_json, out)
-    raise typer.Exit(0 if planned.satisfied or planned.made.ready else 3)
+    raise typer.Exit(0 if planned.satisfied or planned.run_so_far.ready else 3)
 
 
 def prompt(

@@ -28,7 +28,7 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
     """Print a plan: parameters, tree in the paper's notation, explanation, findings. Write it to a file as well."""
     from palpate.runs.result import finding_json, plan_text
 
-    text = plan_text(plan.made)
+    text = plan_text(plan.run_so_far)
     if file:
         file.write_text(redact(text), encoding="utf-8")
     if as_json:
@@ -36,10 +36,10 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
         return
     print_plan(plan, out)
     _print_findings(plan.findings)
-    show_proposal(plan.made)
-    if not plan.made.ready:
+    show_proposal(plan.run_so_far)
+    if not plan.run_so_far.ready:
         return
-    settings = plan.made.settings
+    settings = plan.run_so_far.settings
     if file is not None:
         show_next("let the arm carry it out", executing(settings, file))
     else:

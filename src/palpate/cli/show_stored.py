@@ -236,7 +236,7 @@ def show_export(run: Run, export: Export, as_json: bool) -> None:
         return
     rows: list[list[str]] = []
     for estimate in run.estimates:
-        if estimate.parameter in export.held:
+        if estimate.parameter in export.kept:
             readers = export.acts_in(estimate.parameter)
             where = f" by {', '.join(readers)}" if export.findings else ""
             state = f"[green]read back{where}[/]" if readers else "written"

@@ -53,7 +53,7 @@ class BeliefTouch:
         return abs(self.z) > SURE
 
     @property
-    def said(self) -> str:
+    def description(self) -> str:
         """The measurement in words."""
         # Name the axis with the largest component.
         axes = zip("xyz", self.along, strict=True)
@@ -92,8 +92,8 @@ class Belief:
         """Touches that contradict sight, in words; empty for none."""
         contradicting = [touch for touch in self.touches if touch.contradicts]
         return "; ".join(
-            f"it was met {touch.said} from where it was seen, {abs(touch.z):.1f} standard deviations: it does not "
-            "stand there, or is of another size"
+            f"it was met {touch.description} from where it was seen, {abs(touch.z):.1f} standard "
+            "deviations: it does not stand there, or is of another size"
             for touch in contradicting
         )
 

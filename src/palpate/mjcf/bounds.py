@@ -24,8 +24,8 @@ from palpate.mjcf.document import (
     MAX_ASSET_BYTES,
     Document,
     Element,
-    brought,
     elements,
+    find_attached,
     label,
     tokens,
 )
@@ -147,7 +147,7 @@ def _copies(document: Document) -> Iterator[tuple[Element, float, float]]:
                 # A `<replicate>` multiplies its content.
                 count = max([1.0, *_numbers(element, "count")])
                 own, copies = own * count, copies * count
-            if element.tag == ATTACH and (part := brought(element, model, ())) is not None:
+            if element.tag == ATTACH and (part := find_attached(element, model, ())) is not None:
                 # An `<attach>` visits the content of its model.
                 copied = part.content if part.is_own else part.model.root
                 pending.append((copied, part.model, float(part.model not in seen), copies))

@@ -19,10 +19,10 @@ from palpate.mjcf.document import (
     Document,
     Element,
     attached_names,
-    brought,
     children,
     compiler_settings,
     elements,
+    find_attached,
 )
 from palpate.mjcf.edits import Edit, Insert, apply
 from palpate.mjcf.elements import PLACING, STAND_INS, replace_unknowns
@@ -106,7 +106,7 @@ def model_tree(
     return replace(tree, mesh_bytes=mesh_bytes(document, loaded))
 
 
-def removed_with_robots(document: Document, roles: Roles) -> dict[str, int]:
+def count_removed(document: Document, roles: Roles) -> dict[str, int]:
     """Count the elements removed together with the robots, by tag."""
     # Difference of the counts before and after, without the robots' own elements and assets.
     before = Counter(str(part.tag) for part in elements(document.root))
@@ -221,7 +221,7 @@ def _attached_place(attach: Element, document: Document) -> dict[str, str]:
     """Compute the pose of the first body of an attached robot relative to its `<attach>`."""
     # It is compiled with the settings of its own model, which may use another angle unit.
     # The first body of the attached content is the robot's base.
-    part = brought(attach, document, ())
+    part = find_attached(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)
     if part is None or body is None:
         return {}

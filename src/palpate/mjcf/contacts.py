@@ -100,7 +100,7 @@ def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:
     return tuple(dict.fromkeys(contacts))
 
 
-def what_decides(body: BodyDescription) -> str:
+def find_friction_override(body: BodyDescription) -> str:
     """Name the statement that overrides the object's own contact friction; empty if there is none."""
     model = body.shapes.model
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
@@ -190,7 +190,7 @@ def damp_surface(body: BodyDescription, damping: float, std: float | None) -> It
         yield Edit(geom, "solref", {1: f"-{number(damping * per_unit, digits)}"}, "0 0")
 
 
-def what_hardens(body: BodyDescription) -> str:
+def find_softness_override(body: BodyDescription) -> str:
     """Name the statement that overrides the softness of all contacts; empty if there is none."""
     if body.shapes.model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         return "<option> overrides the softness of every contact"
@@ -231,7 +231,7 @@ def add_ball(world: mujoco.MjSpec, at: tuple[float, float, float]) -> mujoco.Mjs
     return body
 
 
-def tied_to(body: BodyDescription) -> str:
+def find_constraint(body: BodyDescription) -> str:
     """Name the body that a constraint ties to the object, or else an extra force (`hanging_force`).
 
     Empty if there is neither. A tied body is lifted and turned together with the object.

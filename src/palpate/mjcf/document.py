@@ -74,7 +74,7 @@ class Document:
     includes: Mapping[str, Path] = field(default_factory=dict[str, Path])
     # Asset files found in the folder of an included file, relative to `folder`, by their names in
     # the included file.
-    beside: Mapping[str, str] = field(default_factory=dict[str, str])
+    asset_paths: Mapping[str, str] = field(default_factory=dict[str, str])
     # Text of each included file and attached model.
     texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
     named: tuple[Named, ...] = ()  # all references to files in them
@@ -205,7 +205,7 @@ def tokens(value: str | None) -> list[str]:
     return (value or "").split()
 
 
-def spelled_out(attribute: str, value: str) -> str:
+def expand_unknown(attribute: str, value: str) -> str:
     """Expand a single `?` to one for each number of the attribute; keep other values."""
     if attribute in COUNTS and value.strip() == UNKNOWN:
         return " ".join([UNKNOWN] * COUNTS[attribute])
@@ -238,7 +238,7 @@ ATTACH = "attach"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Brought:
+class AttachedPart:
     """A part of an attached model."""
 
     content: Element  # a body, a frame, or the whole worldbody of the model
@@ -246,20 +246,22 @@ class Brought:
     is_own: bool  # True if the same model attaches it
     # The `<attach>` elements that bring it, the outermost first. MuJoCo puts their prefixes before
     # the names of its elements.
-    through: tuple[Element, ...]
+    attachments: tuple[Element, ...]
 
     @property
     def prefix(self) -> str:
-        return prefix(self.through)
+        return prefix(self.attachments)
 
-    def overlaps(self, other: Brought) -> bool:
+    def overlaps(self, other: AttachedPart) -> bool:
         """Test if one contains the other, or both are the same."""
         own, its = self.content, other.content
         return own is its or own in its.iterancestors() or its in own.iterancestors()
 
 
-def brought(attach: Element, model: Document, attachments: tuple[Element, ...]) -> Brought | None:
-    """Find the content that an `<attach>` in `model`, itself brought by `through`, brings; None without it."""
+def find_attached(
+    attach: Element, model: Document, attachments: tuple[Element, ...]
+) -> AttachedPart | None:
+    """Find the content of an `<attach>` in `model`, which `attachments` attach; None without it."""
     called = attach.get("model")
     source = model if called is None else model.models.get(called)
     if source is None:
@@ -274,7 +276,7 @@ def brought(attach: Element, model: Document, attachments: tuple[Element, ...]) 
             break
     if content is None:
         return None
-    return Brought(content, source, called is None, (*attachments, attach))
+    return AttachedPart(content, source, called is None, (*attachments, attach))
 
 
 def prefix(attachments: Sequence[Element]) -> str:
@@ -284,7 +286,7 @@ def prefix(attachments: Sequence[Element]) -> str:
 
 def attached_names(attach: Element, document: Document) -> set[str]:
     """Return the names in the scene of all elements of the model that an `<attach>` brings."""
-    content = brought(attach, document, ())
+    content = find_attached(attach, document, ())
     if content is None or content.is_own:
         return set()
     parts = elements(content.model.root)

@@ -15,9 +15,9 @@ from palpate.common.errors import InputError
 from palpate.mjcf.document import (
     UNKNOWN,
     Element,
+    expand_unknown,
     parse_xml,
     read_text,
-    spelled_out,
     tokens,
     with_tokens,
 )
@@ -221,7 +221,7 @@ class Edit:
         if self.numbers is None:
             return None
         return with_tokens(
-            spelled_out(self.attribute, self.base if stated is None else stated), self.numbers
+            expand_unknown(self.attribute, self.base if stated is None else stated), self.numbers
         )
 
     def apply(self, element: Element) -> None:

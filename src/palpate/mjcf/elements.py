@@ -116,12 +116,12 @@ class Elements:
     defaults: Defaults  # defaults classes of its elements
     parts: tuple[Element, ...] = ()  # an object's other bodies, which move with it
     # The `<attach>` elements that bring it from another model, the outermost first.
-    through: tuple[Element, ...] = ()
+    attachments: tuple[Element, ...] = ()
     joint: Element | None = None  # a fixture's `<joint>`
 
     def posed_ancestor(self) -> Element | None:
         """Find the nearest ancestor with a pose, so that the element's own pose is not the world's."""
-        for outer in iter_ancestors(self.element, self.through):
+        for outer in iter_ancestors(self.element, self.attachments):
             moves = outer.tag == "replicate" or PLACING & set(outer.keys())
             if outer.tag in (*TRANSPARENT, "body") and moves:
                 return outer
@@ -179,7 +179,7 @@ def carrying(
 
 def is_free(body: Element, defaults: Defaults) -> bool:
     """Test if a body has a free joint."""
-    for child in through_frames(body):
+    for child in iter_children(body):
         is_free = child.tag == "joint" and defaults.attribute(child, "type") == "free"
         if is_free or child.tag == "freejoint":
             return True
@@ -188,25 +188,25 @@ def is_free(body: Element, defaults: Defaults) -> bool:
 
 def has_joint(body: Element) -> bool:
     """Test if a body has its own joint."""
-    return any(child.tag in ("joint", "freejoint") for child in through_frames(body))
+    return any(child.tag in ("joint", "freejoint") for child in iter_children(body))
 
 
 def hinged_by(body: Element, defaults: Defaults) -> Element | None:
     """Return the only slide or hinge joint of a body without other joints below; None for other bodies."""
     # The joint must be the only one, and its body's own.
     below = list(body.iter("joint", "freejoint", "attach", "replicate"))
-    own = [child for child in through_frames(body) if child.tag == "joint"]
+    own = [child for child in iter_children(body) if child.tag == "joint"]
     if len(below) != 1 or below != own:
         return None
     kind = defaults.attribute(own[0], "type") or "hinge"
     return own[0] if kind in ("slide", "hinge") else None
 
 
-def through_frames(body: Element) -> Iterator[Element]:
+def iter_children(body: Element) -> Iterator[Element]:
     """Yield a body's children, including those inside frames."""
     for child in children(body):
         if child.tag in TRANSPARENT:
-            yield from through_frames(child)
+            yield from iter_children(child)
         else:
             yield child
 

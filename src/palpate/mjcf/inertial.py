@@ -32,7 +32,7 @@ class WholeInertia:
     tensor: Array
 
 
-def whole(model: mujoco.MjModel, name: str) -> WholeInertia:
+def composite_inertia(model: mujoco.MjModel, name: str) -> WholeInertia:
     """Compute the inertia of a body and all bodies below it as one rigid body, at the file's configuration."""
     root = int(model.body(name).id)
     # Pose and inertia of each body of the subtree, in the root body's frame.
@@ -84,7 +84,7 @@ def unweighed_geoms(body: BodyDescription) -> tuple[Element, ...]:
 def mass_is_open(body: BodyDescription) -> bool:
     """Test if the mass of the object is stated nowhere."""
     inertial = body.elements.inertial
-    return bool(unweighed_geoms(body)) if inertial is None else lacks(inertial, "mass")
+    return bool(unweighed_geoms(body)) if inertial is None else is_incomplete(inertial, "mass")
 
 
 def inertia_is_open(inertial: Element) -> bool:
@@ -94,7 +94,7 @@ def inertia_is_open(inertial: Element) -> bool:
     return has_unknown(inertial, "diaginertia") or has_unknown(inertial, "fullinertia")
 
 
-def lacks(inertial: Element, attribute: str) -> bool:
+def is_incomplete(inertial: Element, attribute: str) -> bool:
     """Test if an `<inertial>` does not state all numbers of an attribute."""
     return inertial.get(attribute) is None or has_unknown(inertial, attribute)
 
@@ -145,7 +145,7 @@ def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
     """Return the compiled centre of mass in the body frame, m."""
-    return tuple(whole(body.shapes.model, body.name).com.tolist())
+    return tuple(composite_inertia(body.shapes.model, body.name).com.tolist())
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
@@ -156,7 +156,7 @@ def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tup
 def tensor_about(body: BodyDescription, mass: float, com: Array) -> Array:
     """Compute the inertia (3, 3), kg m², about `com` in body axes, of the geoms scaled to `mass`."""
     if body.elements.inertial is None:
-        compiled = whole(body.shapes.model, body.name)
+        compiled = composite_inertia(body.shapes.model, body.name)
         tensor, centre = compiled.tensor * (mass / compiled.mass), compiled.com
     else:
         # An `<inertial>` hides the inertia of the geoms. Use that of a solid box around them: m (b² + c²) /
@@ -192,7 +192,7 @@ class Statement:
     std: float | None = None  # standard deviation, which sets the number of written digits
 
 
-def written(
+def write_inertia(
     body: BodyDescription, stated: Sequence[Statement], known: Iterable[Statement]
 ) -> Iterator[Change]:
     """Yield the changes that state all of `stated` together.

@@ -29,10 +29,10 @@ from palpate.mjcf.document import (
     Texts,
     compiler_settings,
     elements,
+    expand_unknown,
     label,
     parse_xml,
     read_text,
-    spelled_out,
 )
 
 MAX_INCLUDES = 100  # Most files that a scene includes, and most models that it attaches
@@ -110,7 +110,7 @@ class _Reader:
     )
     # Assets found in the folder of the included file that names them, relative to `folder`, by
     # name.
-    beside: dict[str, str] = field(default_factory=dict[str, str])
+    asset_paths: dict[str, str] = field(default_factory=dict[str, str])
 
     def document(self, text: str, where: str) -> Document:
         root = self.parse_text(text, where, self.path)
@@ -128,7 +128,7 @@ class _Reader:
         self._check_assets(root, where, files)
         for element in elements(root):
             for attribute in COUNTS.keys() & set(element.keys()):
-                element.set(attribute, spelled_out(attribute, element.get(attribute) or ""))
+                element.set(attribute, expand_unknown(attribute, element.get(attribute) or ""))
         # The root folder holds the scene and all files found.
         common_root = None if self.start is None else reduce(common, files, self.start)
         return Document(
@@ -139,7 +139,7 @@ class _Reader:
             home=self.home or common_root,
             files=tuple(dict.fromkeys(files)),
             includes=includes,
-            beside=self.beside,
+            asset_paths=self.asset_paths,
             texts=self.texts,
             named=tuple(self.named),
             models=self.attachable,
@@ -202,7 +202,7 @@ class _Reader:
                     # MuJoCo would look in the working directory, or not find it at all.
                     element.set(attribute, str(path))
                 if element.tag == "model" or not is_there:
-                    self.beside[name] = os.path.relpath(path, self.folder)
+                    self.asset_paths[name] = os.path.relpath(path, self.folder)
                 if element.tag == "model":
                     model = self._read_attachment(path, where)
                     files.extend(model.files)

@@ -9,12 +9,12 @@ from dataclasses import dataclass, field
 from palpate.common.errors import InputError, unknown_name
 from palpate.mjcf.document import (
     ATTACH,
-    Brought,
+    AttachedPart,
     Document,
     Element,
-    brought,
     children,
     elements,
+    find_attached,
     label,
     prefix,
 )
@@ -30,8 +30,8 @@ from palpate.mjcf.elements import (
     hinged_by,
     inertial_of,
     is_free,
+    iter_children,
     meets_hand,
-    through_frames,
 )
 
 NOBODY = "none"  # Stated in place of a body's name for a scene without a robot
@@ -55,7 +55,7 @@ class Robots:
             return body.get("name") in self.named
         if has_joint(body):
             return self._is_robot(body)
-        moving = (c for c in through_frames(body) if c.tag == "body" and has_joint(c))
+        moving = (c for c in iter_children(body) if c.tag == "body" and has_joint(c))
         return any(self._is_robot(child) for child in moving)
 
     def within(self, prefix: str, root: Element) -> Robots:
@@ -64,7 +64,7 @@ class Robots:
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
             named = [NOBODY]
-        return Robots(tuple(named), driven(root), self.defaults)
+        return Robots(tuple(named), find_driven_names(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
         """Test if a body with joints is a robot: an actuator drives a part of it, or it ends in a hand and is
@@ -83,7 +83,7 @@ class Robots:
         return ends_in_hand and not is_free(body, self.defaults)
 
 
-def driven(root: Element) -> frozenset[str]:
+def find_driven_names(root: Element) -> frozenset[str]:
     """Return the names of joints, sites and bodies that an actuator drives, directly or by tendons."""
 
     def referenced_names(element: Element, *attributes: str) -> set[str]:
@@ -124,7 +124,7 @@ class Roles:
         untouchable: free or hinged bodies that a hand cannot touch, with the reason.
         replicated: free bodies whose parts `<replicate>` or `<attach>` copies, so that one element
             becomes many shapes.
-        brought: parts of attached models.
+        attached: parts of attached models.
         copied: `<attach>` elements whose content is already in the scene, where values are written.
     """
 
@@ -135,7 +135,7 @@ class Roles:
     ignored: list[Element] = field(default_factory=list[Element])
     untouchable: dict[Element, str] = field(default_factory=dict[Element, str])
     replicated: list[Element] = field(default_factory=list[Element])
-    brought: list[Brought] = field(default_factory=list[Brought])
+    attached: list[AttachedPart] = field(default_factory=list[AttachedPart])
     copied: list[Element] = field(default_factory=list[Element])
 
     @property
@@ -158,12 +158,12 @@ class Roles:
     def compiled_name(self, element: Element, own: str) -> str | None:
         """Return the compiled name of an element called `own`; None if it is in no model."""
         # Find the attached part that contains the element.
-        contents = {part.content: part for part in self.brought}
+        contents = {part.content: part for part in self.attached}
         outers = (element, *element.iterancestors()) if contents else ()
         part = next((contents[outer] for outer in outers if outer in contents), None)
         if part is None and element.getroottree().getroot() is not self.root:
             return None
-        return compiled_name(element, own, () if part is None else part.through)
+        return compiled_name(element, own, () if part is None else part.attachments)
 
 
 def compiled_name(element: Element, own: str, attachments: Sequence[Element]) -> str:
@@ -181,7 +181,7 @@ def find_roles(document: Document) -> Roles:
     # Defaults of all models, and evidence for the robots of the main one.
     attached = [model.root for model in document.attached().values()]
     roles = Roles(document.root, Defaults(document.root, *attached))
-    robots = Robots(document.robots, driven(document.root), roles.defaults)
+    robots = Robots(document.robots, find_driven_names(document.root), roles.defaults)
     for world in document.root.iterfind("worldbody"):
         _walk(world, roles, _Model(document, robots), world=True)
     _require_named_robots(document, roles)
@@ -194,23 +194,23 @@ class _Model:
 
     document: Document
     robots: Robots  # evidence of its robots
-    through: tuple[Element, ...] = ()  # the `<attach>` elements that bring it
+    attachments: tuple[Element, ...] = ()  # the `<attach>` elements that bring it
 
-    def bringing(self, attach: Element) -> Brought | None:
+    def resolve(self, attach: Element) -> AttachedPart | None:
         """Return the content of an `<attach>`."""
-        return brought(attach, self.document, self.through)
+        return find_attached(attach, self.document, self.attachments)
 
-    def brings(self, element: Element) -> Iterator[Brought]:
+    def iter_attached(self, element: Element) -> Iterator[AttachedPart]:
         """Yield the attached content below an element."""
         for attach in element.iter(ATTACH):
-            part = self.bringing(attach)
+            part = self.resolve(attach)
             if part is not None:
                 yield part
 
-    def inside(self, part: Brought) -> _Model:
+    def inside(self, part: AttachedPart) -> _Model:
         """Return the model that an attached part comes from."""
-        robots = self.robots.within(part.through[-1].get("prefix") or "", part.model.root)
-        return _Model(part.model, robots, part.through)
+        robots = self.robots.within(part.attachments[-1].get("prefix") or "", part.model.root)
+        return _Model(part.model, robots, part.attachments)
 
 
 def _walk(parent: Element, roles: Roles, model: _Model, world: bool) -> None:
@@ -226,13 +226,13 @@ def _walk(parent: Element, roles: Roles, model: _Model, world: bool) -> None:
         elif child.tag == "body":
             _sort_body(child, roles, model)
         # Attached content is a robot, a copy of present content, or new content.
-        elif child.tag == ATTACH and (part := model.bringing(child)) is not None:
+        elif child.tag == ATTACH and (part := model.resolve(child)) is not None:
             if _holds_robot(part, model):
                 roles.robots.append(child)
-            elif _is_there(part, roles):
+            elif _shares_elements(part, roles):
                 roles.copied.append(child)
             else:
-                roles.brought.append(part)
+                roles.attached.append(part)
                 if part.content.tag == "body":
                     _sort_body(part.content, roles, model.inside(part))
                 else:
@@ -252,7 +252,7 @@ def _sort_body(body: Element, roles: Roles, model: _Model) -> None:
         if body.get("name") and body.get("mocap") != "true":
             _add_surface(
                 body,
-                tuple(child for child in through_frames(body) if child.tag == "geom"),
+                tuple(child for child in iter_children(body) if child.tag == "geom"),
                 roles,
                 model,
             )
@@ -311,7 +311,7 @@ def _register(
     joint: Element | None = None,
 ) -> None:
     """Add a body, called `own` in its model, under its compiled name."""
-    name = compiled_name(element, own, model.through)
+    name = compiled_name(element, own, model.attachments)
     if name in roles.bodies:
         raise InputError(
             f"two bodies are called '{name[:80]}' ({label(element)} is the second); give each its own name"
@@ -325,7 +325,7 @@ def _register(
         None if role == "surface" else inertial_of(element),
         roles.defaults,
         parts,
-        model.through,
+        model.attachments,
         joint,
     )
 
@@ -334,9 +334,9 @@ def _parts(body: Element, roles: Roles, model: _Model) -> Iterator[Element]:
     """Yield an object's elements, including those that it attaches."""
     for element in elements(body):
         yield element
-        part = model.bringing(element) if element.tag == ATTACH else None
+        part = model.resolve(element) if element.tag == ATTACH else None
         if part is not None:
-            roles.brought.append(part)
+            roles.attached.append(part)
             yield from _parts(part.content, roles, model.inside(part))
 
 
@@ -347,29 +347,29 @@ def _name_body(body: Element, geom: Element, roles: Roles, model: _Model) -> str
     stem = geom.get("name") or roles.defaults.attribute(geom, "mesh") or shape
     taken = {e.get("name") for e in elements(body.getroottree().getroot()) if e.tag == "body"}
     name, count = stem, 1
-    while name in taken or prefix(model.through) + name in roles.bodies:
+    while name in taken or prefix(model.attachments) + name in roles.bodies:
         count += 1
         name = f"{stem}_{count}"
     body.set("name", name)
     return name
 
 
-def _is_there(part: Brought, roles: Roles) -> bool:
+def _shares_elements(part: AttachedPart, roles: Roles) -> bool:
     """Test if an attached part shares elements with another part of the scene."""
-    return part.is_own or any(part.overlaps(other) for other in roles.brought)
+    return part.is_own or any(part.overlaps(other) for other in roles.attached)
 
 
-def _holds_robot(part: Brought, model: _Model) -> bool:
+def _holds_robot(part: AttachedPart, model: _Model) -> bool:
     """Test if an attached part, or content that it attaches, has the root of a robot."""
     # Depth-first search through attached content, each part once.
-    pending, seen = [(part, model)], list[Brought]()
+    pending, seen = [(part, model)], list[AttachedPart]()
     while pending:
         part, model = pending.pop()
         inside = model.inside(part)
         if any(inside.robots.is_robot_root(body) for body in part.content.iter("body")):
             return True
         seen.append(part)
-        for inner in () if part.is_own else inside.brings(part.content):
+        for inner in () if part.is_own else inside.iter_attached(part.content):
             if not any(inner.overlaps(other) for other in seen):
                 pending.append((inner, inside))
     return False
@@ -380,15 +380,15 @@ def _has_copies(body: Element, roles: Roles, model: _Model) -> bool:
     if body.find(".//replicate") is not None:
         return True
     # Attached content that repeats or overlaps is a copy.
-    pending = [(part, model) for part in model.brings(body)]
-    seen: list[Brought] = []
+    pending = [(part, model) for part in model.iter_attached(body)]
+    seen: list[AttachedPart] = []
     while pending:
         part, outer = pending.pop()
-        if _is_there(part, roles) or any(part.overlaps(other) for other in seen):
+        if _shares_elements(part, roles) or any(part.overlaps(other) for other in seen):
             return True
         seen.append(part)
         inside = outer.inside(part)
-        pending += [(inner, inside) for inner in inside.brings(part.content)]
+        pending += [(inner, inside) for inner in inside.iter_attached(part.content)]
     return False
 
 
@@ -397,7 +397,7 @@ def _require_named_robots(document: Document, roles: Roles) -> None:
     # Names of the robots found, and of the other bodies, which are valid choices.
     names = {NOBODY}
     for robot in roles.robots:
-        part = brought(robot, document, ()) if robot.tag == ATTACH else None
+        part = find_attached(robot, document, ()) if robot.tag == ATTACH else None
         if part is None:
             names.add(robot.get("name", ""))
         else:

@@ -15,7 +15,7 @@ from palpate.mjcf.body import Body
 from palpate.primitives.rules.grip import Grip, grip
 from palpate.primitives.rules.solids import solids
 from palpate.robots.kinematics import forward_kinematics
-from palpate.scene.load import apply_measurement, correct_body, moves, raise_surface, risen
+from palpate.scene.load import apply_measurement, compute_rises, correct_body, moves, raise_surface
 from palpate.scene.scene import Scene
 from palpate.trace.recording import Activity, Context
 
@@ -171,7 +171,7 @@ class SymbolicState:
     def raised(self, surface: str, top: float) -> SymbolicState:
         """State with the top of a surface at world z `top`, m, and the bodies on it raised with it."""
         # Moved objects on the surface rise as well.
-        rises = risen(self.scene, surface, top, self.body_poses())
+        rises = compute_rises(self.scene, surface, top, self.body_poses())
         moved = {
             name: pose.translate((0.0, 0.0, rises.get(name, 0.0)))
             for name, pose in self.moved.items()

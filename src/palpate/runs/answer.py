@@ -75,7 +75,7 @@ def answer(run: Run) -> str | None:
             amount = _Side("", parse_width(quantity, asked.bound))
         except InputError as error:
             return f"open: {error}"
-        return "; ".join(_against(side, amount, asked, unit) for side in sides)
+        return "; ".join(_compare_with_amount(side, amount, asked, unit) for side in sides)
     if len(sides) < 2:
         return (
             f"open: no other {quantity} was measured than that of {estimates[0].parameter.object}"
@@ -165,7 +165,7 @@ def _comparison(run: Run) -> _Comparison | None:
     )
 
 
-def _against(side: _Side, amount: _Side, asked: _Comparison, unit: str) -> str:
+def _compare_with_amount(side: _Side, amount: _Side, asked: _Comparison, unit: str) -> str:
     """Compare a side with an amount; a negated question gets no yes or no."""
     first, second = sorted((side, amount), key=lambda each: each.value, reverse=not asked.less)
     return _word_answer(first, second, None if asked.negated else side.name, unit)

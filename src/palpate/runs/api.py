@@ -58,10 +58,10 @@ class Plan(InnerPlan):
     @property
     def findings(self) -> tuple[Finding, ...]:
         """Findings of the check; a plan with findings is not executed."""
-        return self.made.findings
+        return self.run_so_far.findings
 
     @property
-    def made(self) -> InnerRun:
+    def run_so_far(self) -> InnerRun:
         """The run so far.
 
         Raises:
@@ -119,7 +119,7 @@ class Plan(InnerPlan):
             ExecutionAborted: not confirmed, or interrupted before anything moved.
         """
         # A world that is given as a scene becomes a cell.
-        begun = self.made
+        begun = self.run_so_far
         world = hidden_world(world, begun.settings)
         if isinstance(world, InnerScene):
             from palpate.execution.simulated_cell import simulated_cell
@@ -354,7 +354,7 @@ def run(
         ExecutionAborted: a real robot was not allowed to move.
     """
     # Distribute the options over the verbs.
-    of_load, of_run = _those_of(load, options), _those_of(Plan.run, options)
+    of_load, of_run = _select_options(load, options), _select_options(Plan.run, options)
     loaded = load(scene, **of_load) if isinstance(scene, str | Path) else scene
     names = [field.name for field in fields(Settings)]
     stated: dict[str, Any] = {n: v for n, v in options.items() if n in names and v is not None}
@@ -380,6 +380,6 @@ def run(
     return plan_of(run).run(**of_run)
 
 
-def _those_of(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
+def _select_options(verb: Callable[..., object], options: Mapping[str, Any]) -> dict[str, Any]:
     """Select the options that are arguments of a verb."""
     return {name: options[name] for name in signature(verb).parameters if name in options}

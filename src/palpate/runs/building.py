@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.common.processes import Beside, interrupts, shared_out
+from palpate.common.processes import BackgroundWork, interrupts, shared_out
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.evidence import remove_spoiled
 from palpate.estimation.quantities.size import size_on_the_way
@@ -66,7 +66,7 @@ class Given(NamedTuple):
     shot: Shot
 
 
-def touched_as_given(plan: Plan, scene: Scene) -> Given:
+def execute_in_given_scene(plan: Plan, scene: Scene) -> Given:
     """Execute a plan in the scene for which it was made."""
     from palpate.perception.film import Footage, Shot
 
@@ -213,7 +213,7 @@ def build_twin(run: Run, callbacks: RunCallbacks = SILENT) -> Run:
     if run.seen and run.final_state is not None:
         scene = run.final_state.scene
     written = estimates_to_write(run, run.estimates)
-    twin = build(scene, written, on_the_way=sizes_on_the_way(run, scene))
+    twin = build(scene, written, on_the_way=estimate_unasked_sizes(run, scene))
     return replace(run, scene=scene, finished=twin)
 
 
@@ -224,7 +224,7 @@ def estimates_to_write(run: Run, estimates: Sequence[Estimate]) -> list[Estimate
     return [estimate_of[e] for e in split_known(estimate_of, run.scene, is_asked)[1]]
 
 
-def sizes_on_the_way(run: Run, scene: Scene) -> list[Estimate]:
+def estimate_unasked_sizes(run: Run, scene: Scene) -> list[Estimate]:
     """Estimate sizes that were not requested, from the grasps and touches of the run.
 
     The objects are those of `scene` whose sizes are from a picture or marked unsure.
@@ -239,7 +239,9 @@ def sizes_on_the_way(run: Run, scene: Scene) -> list[Estimate]:
     return [size for size in sizes if size is not None]
 
 
-def touched_beside(run: Run, cell: Cell) -> AbstractContextManager[Beside[Given] | None]:
+def execute_given_in_background(
+    run: Run, cell: Cell
+) -> AbstractContextManager[BackgroundWork[Given] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot.
 
     None if the twin will not be validated, or if a real robot needs the processor.
@@ -250,14 +252,14 @@ def touched_beside(run: Run, cell: Cell) -> AbstractContextManager[Beside[Given]
     import_module("palpate.robots.simulated.robot")
     import_module("scipy.linalg.lapack")
     # This execution depends on no estimate, so it need not wait for them.
-    return Beside(lambda: touched_as_given(run.plan, run.scene))
+    return BackgroundWork(lambda: execute_in_given_scene(run.plan, run.scene))
 
 
 def touch_twin(
     run: Run,
     planned_in: Scene,
     callbacks: RunCallbacks = SILENT,
-    given: Beside[Given] | None = None,
+    given: BackgroundWork[Given] | None = None,
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 

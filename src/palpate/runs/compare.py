@@ -125,7 +125,7 @@ def _rows(
         source = Source(name, arm_of(run), estimate)
         # Only runs of one scene share the errors of the scene.
         if not one_scene:
-            source = _of_its_own_scene(source)
+            source = _rename_scene_causes(source)
         # The first run with a value is the reference of all later ones.
         if first is None or len(first.estimate.values) != len(estimate.values):
             first = first or source
@@ -134,7 +134,7 @@ def _rows(
             yield ComparedEstimate(name, estimate, *difference(first, source))
 
 
-def _of_its_own_scene(source: Source) -> Source:
+def _rename_scene_causes(source: Source) -> Source:
     """Rename the shared causes of a run of another scene: only those of the arm are common."""
     # Causes of the scene get the name of the run, so that they do not cancel.
     shared: list[Shared] = []

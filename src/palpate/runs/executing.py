@@ -288,7 +288,7 @@ def perform(
             log.warning("the robot was not closed: %s: %s", type(error).__name__, error)
 
 
-def cut_off(run: Run) -> Run:
+def end_execution(run: Run) -> Run:
     """End the execution of a run whose process was killed, with the trace recorded so far."""
     try:
         trace = run.trace_if_any

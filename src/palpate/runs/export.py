@@ -76,7 +76,7 @@ def export_json(run: Run, export: Export) -> dict[str, Any]:
 def _row_of(export: Export, estimate: Estimate) -> dict[str, Any]:
     """Estimate with the readers in which its value acts."""
     readers = list(export.acts_in(estimate.parameter))
-    states = {"written": estimate.parameter in export.held, "read_back": bool(readers)}
+    states = {"written": estimate.parameter in export.kept, "read_back": bool(readers)}
     return parameter_json(estimate) | states | {"acts_in": readers}
 
 

@@ -37,7 +37,7 @@ def figures(estimate: Estimate) -> tuple[ComponentText, ...]:
     return tuple(texts)
 
 
-def in_a_line(estimate: Estimate) -> str:
+def format_values(estimate: Estimate) -> str:
     """Format only the values, with names of components and without a unit: `x 0.0647, y −0.0005`."""
     return ", ".join(
         f"{figure.axis} {figure.limit or figure.value}".strip() for figure in figures(estimate)

@@ -23,7 +23,7 @@ from palpate.common.files import read_text, writing, yaml_text
 from palpate.common.redaction import redact, redact_document
 from palpate.primitives.registry import vocabulary
 from palpate.runs.reproduce import POSES
-from palpate.runs.result import CYCLES, has_scene_of_its_own, plan_text, result_json
+from palpate.runs.result import CYCLES, has_own_scene, plan_text, result_json
 from palpate.runs.run import TRACE, Run
 from palpate.runs.shown import trace_messages
 from palpate.trace.mcap import write_mcap
@@ -232,5 +232,5 @@ def _write_scene(run: Run, folder: Path) -> None:
     if run.settings.camera is not None:
         kept = run.scene.resolved.poses.model_dump(mode="json", exclude_defaults=True)
         write_text(folder / POSES, yaml_text(kept))
-    if has_scene_of_its_own(run):
+    if has_own_scene(run):
         write_text(folder / "scene.xml", run.scene.text)

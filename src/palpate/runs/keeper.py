@@ -60,7 +60,7 @@ class Keeper:
             raise InputError(f"cannot write '{self.folder}': {error.strerror}") from error
         return run
 
-    def through(self, stage: Stage, step: Step, run: Run) -> Run:
+    def run_stage(self, stage: Stage, step: Step, run: Run) -> Run:
         """Carry out a stage; return the run with everything that it completed."""
         run = self.keep(replace(run, stage=stage))
         try:

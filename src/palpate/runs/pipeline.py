@@ -16,26 +16,31 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
-from palpate.common.processes import Beside, before_anything_moves, interrupts, release_memory
+from palpate.common.processes import (
+    BackgroundWork,
+    before_anything_moves,
+    interrupts,
+    release_memory,
+)
 from palpate.execution.cell import Cell
 from palpate.planning.planner import Planner
 from palpate.primitives.base import Recorder
 from palpate.runs import workplace
-from palpate.runs.building import Given, build_twin, touch_twin, touched_beside
+from palpate.runs.building import Given, build_twin, execute_given_in_background, touch_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
-from palpate.runs.estimating import Ahead, ahead_of, estimate, estimates
+from palpate.runs.estimating import Ahead, estimate, estimate_ahead, estimates
 from palpate.runs.executing import execute
 from palpate.runs.folder import check_writable
 from palpate.runs.keeper import GROWING, Keeper, Step
 from palpate.runs.planning import confirm, load, plan, preflight, rehearse
 from palpate.runs.run import TRACE, Run, Stage
 from palpate.runs.saving import (
+    add_footage,
     film_while_moving,
     folder_for,
     render_in_background,
+    resume_run,
     save,
-    taken_up,
-    with_footage,
     write_report,
 )
 from palpate.runs.saving import reopen as reopen
@@ -129,8 +134,8 @@ def carry_out(
         keeper = Keeper(folder, signals)
         run = keeper.begin(run, request_json(run.settings))
         with (
-            touched_beside(run, cell) as given,
-            ahead_of(run, cell, given) as ahead,
+            execute_given_in_background(run, cell) as given,
+            estimate_ahead(run, cell, given) as ahead,
             film_while_moving(run, cell, given) as reel,
         ):
             steps = _Steps(keeper, callbacks, cell, ahead, reel=reel)
@@ -149,7 +154,7 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
         InputError: there is no such folder, or it is not a run's.
     """
     with interrupts() as signals:
-        run, keeper = taken_up(folder), Keeper(folder, signals)
+        run, keeper = resume_run(folder), Keeper(folder, signals)
         # The process ended during the execution: write the trace up to then.
         if run.stage == "executing":
             keeper.trace(run)
@@ -161,7 +166,7 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
             keeper.note_damage(TRACE, error)
             return keeper.with_shortfalls(run)
         if film:
-            run = with_footage(run)
+            run = add_footage(run)
         return _Steps(keeper, callbacks.unfailing()).carry_out_all(run)
 
 
@@ -190,7 +195,9 @@ class _Steps:
     cell: Cell | None = None  # of the execution; None if an earlier process executed the plan
     ahead: Ahead | None = None  # estimates that are computed during the execution
     darkroom: Darkroom | None = None  # film and pictures that are being rendered
-    given: Beside[Given] | None = None  # execution in the scene before the measurement, in progress
+    given: BackgroundWork[Given] | None = (
+        None  # execution in the scene before the measurement, in progress
+    )
     reel: Reel | None = None  # film that is being rendered
 
     def carry_out_all(self, run: Run) -> Run:
@@ -209,7 +216,7 @@ class _Steps:
         for stage in due:
             if run.interrupted is not None:
                 return run
-            run = self.keeper.through(stage, steps[stage], run)
+            run = self.keeper.run_stage(stage, steps[stage], run)
         if run.interrupted is not None:
             return run
         return self.keeper.keep(replace(run, stage=None))

@@ -27,7 +27,7 @@ from palpate.planning.registry import load_proposal
 from palpate.robots.owner import load_description
 from palpate.runs.folder import read_json
 from palpate.runs.held_out import HeldOut
-from palpate.runs.reproduce import with_seen_poses
+from palpate.runs.reproduce import use_seen_poses
 from palpate.runs.run import TRACE, Ending, Run
 from palpate.scene.detections import SceneObject
 from palpate.scene.load import parse_scene, scene_from_text
@@ -84,7 +84,7 @@ def read_run(folder: Path, settings: Settings, made_again: bool = False) -> Run:
             raise
         log.warning("result.json is damaged, and is made again from the request, plan and trace")
         result = UNFINISHED
-    settings = with_seen_poses(settings, folder)
+    settings = use_seen_poses(settings, folder)
     try:
         return _run(folder, settings, result)
     except (KeyError, TypeError, ValueError, AttributeError) as error:

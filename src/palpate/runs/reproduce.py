@@ -22,7 +22,7 @@ PLANNING = ("planner", "remeasure", "within", "model_settings")
 ALWAYS = ("noise", "seed")
 
 
-def with_seen_poses(settings: Settings, folder: Path) -> Settings:
+def use_seen_poses(settings: Settings, folder: Path) -> Settings:
     """Replace the poses by those that the camera saw, which the run folder keeps."""
     return settings if settings.camera is None else replace(settings, poses=folder / POSES)
 

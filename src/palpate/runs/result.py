@@ -195,7 +195,7 @@ def shape_value(numbers: Sequence[Any] | Array | None) -> Any:
     return numbers[0] if len(numbers) == 1 else numbers
 
 
-def has_scene_of_its_own(run: Run) -> bool:
+def has_own_scene(run: Run) -> bool:
     """True if the scene came from no file: it was detected in a picture, or given as text."""
     from_no_file = run.settings.scene is None and bool(run.scene.bodies)
     return from_no_file or run.seen is not None
@@ -249,7 +249,7 @@ def _files(run: Run, folder: Path | None) -> dict[str, str]:
         names["tree"] = "tree.xml"
     if run.conversation:
         names["conversation"] = "conversation.json"
-    if has_scene_of_its_own(run):
+    if has_own_scene(run):
         names["scene"] = "scene.xml"
     if run.settings.camera is not None:
         names["poses"] = POSES

@@ -19,7 +19,7 @@ from palpate.execution.stop import HeldObject
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import MAX_REASON, Plan
 from palpate.primitives.state import SymbolicState
-from palpate.runs.figures import in_a_line
+from palpate.runs.figures import format_values
 from palpate.runs.held_out import HeldOut
 from palpate.runs.settings import Settings
 from palpate.scene.picture_scene import DetectedScene
@@ -286,7 +286,7 @@ def _brief(estimate: Estimate) -> str:
     if not estimate.has_value:
         return f"{estimate.parameter} unknown"
     if any(estimate.at_bound):
-        return f"{estimate.parameter} {in_a_line(estimate)}"
+        return f"{estimate.parameter} {format_values(estimate)}"
     values = " ".join(f"{value:.4g}" for value in estimate.values.tolist())
     if estimate.contradiction:
         return f"{estimate.parameter} = {values}, contradicted"

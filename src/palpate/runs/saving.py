@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.files import writing
-from palpate.common.processes import Beside
+from palpate.common.processes import BackgroundWork
 from palpate.execution.cell import Cell
 from palpate.runs.building import Given
-from palpate.runs.estimating import with_views
-from palpate.runs.executing import cut_off
+from palpate.runs.estimating import add_views
+from palpate.runs.executing import end_execution
 from palpate.runs.folder import default_folder, new_folder, read_json, write_files, write_json
 from palpate.runs.run import Run
 from palpate.runs.settings import Settings, request_json, settings_from
@@ -36,7 +36,7 @@ def folder_for(settings: Settings) -> Path:
 
 
 def film_while_moving(
-    run: Run, cell: Cell, given: Beside[Given] | None
+    run: Run, cell: Cell, given: BackgroundWork[Given] | None
 ) -> AbstractContextManager[Reel | None]:
     """Render the film of the execution while the arm moves; None if there is no film.
 
@@ -81,7 +81,7 @@ def write_report(run: Run, folder: Path, darkroom: Darkroom | None = None) -> Ru
     from palpate.runs.report.writing import write_all
 
     # The charts need the data of the fits, which the folder lacks.
-    shown = with_views(replace(run, stage=None))
+    shown = add_views(replace(run, stage=None))
     shortfalls = write_all(shown, folder, darkroom)
     return replace(run, shortfalls=(*run.shortfalls, *shortfalls))
 
@@ -100,7 +100,7 @@ def save(run: Run, folder: Path | None = None) -> Run:
     with writing(folder), new_folder(folder) as scratch:
         write_json(scratch / "request.json", request_json(run.settings))
         write_files(run, scratch, folder)
-        shortfalls = write_all(with_views(run), scratch, place=folder)
+        shortfalls = write_all(add_views(run), scratch, place=folder)
     return replace(run, folder=folder, shortfalls=(*run.shortfalls, *shortfalls))
 
 
@@ -114,7 +114,7 @@ def reopen(folder: Path, made_again: bool = False) -> Run:
     return read_run(folder, settings, made_again)
 
 
-def with_footage(run: Run) -> Run:
+def add_footage(run: Run) -> Run:
     """Return the run with footage rendered from its trace, for a film."""
     from palpate.perception.posed import played_again
 
@@ -124,7 +124,7 @@ def with_footage(run: Run) -> Run:
     return replace(run, footage=played_again(run.scene, trace))
 
 
-def taken_up(folder: Path) -> Run:
+def resume_run(folder: Path) -> Run:
     """Read an unfinished run from `folder`, ready for its remaining stages.
 
     The result is not `fast`, and has no interruption and no shortfalls.
@@ -136,5 +136,5 @@ def taken_up(folder: Path) -> Run:
     if hurried and run.stage is None and run.finished is not None:
         return replace(run, stage="building the twin")
     if run.stage == "executing" and run.execution is None:
-        return cut_off(run)
+        return end_execution(run)
     return run

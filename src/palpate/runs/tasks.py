@@ -15,7 +15,7 @@ import numpy as np
 from palpate.common.errors import InputError
 from palpate.common.pose import Array
 from palpate.estimation.quantities.fixture_range import Range
-from palpate.runs.trial import FINEST, LONGEST, REST, PhysicsTrial, Values, set_aside
+from palpate.runs.trial import FINEST, LONGEST, REST, PhysicsTrial, Values, disable_body
 from palpate.scene.scene import Scene
 
 # Directions in which a task is tried, world axes. The first possible one is taken.
@@ -37,7 +37,7 @@ World = TypeVar("World")
 class Task(ABC, Generic[World]):
     """Task in a world, with one planned number: the action."""
 
-    way: Array  # (3,) unit vector of its direction, world axes
+    direction: Array  # (3,) unit vector of its direction, world axes
     name: ClassVar[str]  # as in tables
     says: ClassVar[str]  # description
     unit: ClassVar[Unit]  # unit of the result
@@ -97,11 +97,11 @@ class Slide(OfObject):
     def outcome(self, world: PhysicsTrial, action: float) -> float:
         """Distance in the direction of the push; infinite for an object that tips over or falls off."""
         done = world.run(
-            lambda data: action * self.way * (data.time < 0.2),
+            lambda data: action * self.direction * (data.time < 0.2),
             world.at(LOW),
             lambda data: data.time > 0.2 and world.is_at_rest(data),
         )
-        return slid(world, done, self.way)
+        return slid(world, done, self.direction)
 
 
 class SpringPush(OfObject):
@@ -130,16 +130,16 @@ class SpringPush(OfObject):
         def force(data: mujoco.MjData) -> Array:
             # Force of spring and damper between arm and object; it only pushes.
             arm = min(self.speed * data.time, action)
-            stretch = self.stiffness * (arm - float(world.displacement(data) @ self.way))
-            pace = self.speed * (arm < action) - float(world.velocity(data) @ self.way)
-            return max(stretch + self.damping * pace, 0.0) * self.way
+            stretch = self.stiffness * (arm - float(world.displacement(data) @ self.direction))
+            pace = self.speed * (arm < action) - float(world.velocity(data) @ self.direction)
+            return max(stretch + self.damping * pace, 0.0) * self.direction
 
         # Stop when the arm has arrived and the object is at rest.
         arrival = action / self.speed + 0.1
         done = world.run(
             force, world.at(LOW), lambda data: data.time > arrival and world.is_at_rest(data)
         )
-        return slid(world, done, self.way)
+        return slid(world, done, self.direction)
 
 
 class Topple(ThresholdTask[PhysicsTrial], OfObject):
@@ -152,13 +152,13 @@ class Topple(ThresholdTask[PhysicsTrial], OfObject):
 
     def plan(self, world: PhysicsTrial) -> float | None:
         """Threshold force of a world, N."""
-        with foot_held(world):
+        with hold_foot(world):
             return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
 
     def _tips(self, world: PhysicsTrial, force: float) -> bool:
         """True if the force turns the object by 5°. The force grows to its full value in 0.2 s."""
         done = world.run(
-            lambda data: force * self.way * min(data.time / 0.2, 1.0),
+            lambda data: force * self.direction * min(data.time / 0.2, 1.0),
             world.at(1.0),
             lambda data: data.time > 1.0 or world.tilt(data) > np.radians(5),
         )
@@ -186,12 +186,12 @@ class Throw(OfObject):
 
         def is_on_ground(data: mujoco.MjData) -> bool:
             places.append(
-                (float(data.xipos[world.body][2]), float(world.displacement(data) @ self.way))
+                (float(data.xipos[world.body][2]), float(world.displacement(data) @ self.direction))
             )
             return data.time > 0.05 and places[-1][0] < floor
 
         def force(data: mujoco.MjData) -> Array:
-            return action * (self.way + upwards) / np.sqrt(2) * (data.time < 0.05)
+            return action * (self.direction + upwards) / np.sqrt(2) * (data.time < 0.05)
 
         # Fly without contacts, pushed at the middle.
         world.run(force, world.at(0.5), is_on_ground, touching=False)
@@ -231,7 +231,7 @@ def smallest(suffices: Callable[[float], bool], first: float, most: float) -> fl
 
 
 @contextmanager
-def foot_held(world: PhysicsTrial) -> Generator[None]:
+def hold_foot(world: PhysicsTrial) -> Generator[None]:
     """Hold the foot of the object in place by a friction that no force at its top exceeds.
 
     The contact cones are elliptic meanwhile: with pyramidal ones a foot with such a friction
@@ -349,7 +349,7 @@ def joint_trial_of(scene: Scene, name: str, values: Values) -> JointTrial:
     # Free objects have no weight and no contacts, and the fixture moves without contacts as well.
     spec = scene.spec(values)
     for other in scene.objects:
-        set_aside(spec.body(other))
+        disable_body(spec.body(other))
     model = spec.compile()
     model.opt.timestep = max(model.opt.timestep, FINEST)
     model.opt.disableflags |= int(mujoco.mjtDisableBit.mjDSBL_CONTACT)

@@ -33,7 +33,7 @@ from palpate.runs.settings import Settings
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 from palpate.scene.poses import MAX_BYTES as MAX_POSES
 from palpate.scene.poses import Poses, parse_poses, read_poses
-from palpate.scene.scaffold import POSES, SCENE, Scaffold, written
+from palpate.scene.scaffold import POSES, SCENE, Scaffold, write_texts
 from palpate.scene.scaffold import new_scene as new_scene
 
 
@@ -210,6 +210,6 @@ def scene_from_picture(settings: Settings, folder: Path) -> Scaffold:
         SCENE: run.scene.resolved.document.text,
         POSES: read_text(settings.poses, MAX_POSES, "poses"),
     }
-    written(folder, texts)
+    write_texts(folder, texts)
     names = tuple(run.scene.objects)
     return Scaffold(folder / SCENE, folder / POSES, names)

@@ -113,7 +113,7 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
     spec = scene.spec(values)
     for other in scene.objects:
         if other != name:
-            set_aside(spec.body(other))
+            disable_body(spec.body(other))
     try:
         model = spec.compile()
     except ValueError as error:
@@ -132,13 +132,13 @@ def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
     return PhysicsTrial(model, body, data.qpos.copy(), centre, upright, low, high)
 
 
-def set_aside(body: mujoco.MjsBody) -> None:
+def disable_body(body: mujoco.MjsBody) -> None:
     """Remove weight and contacts from a body and its children."""
     body.gravcomp = 1
     for geom in body.geoms:
         geom.contype = geom.conaffinity = 0
     for child in body.bodies:
-        set_aside(child)
+        disable_body(child)
 
 
 def _box(model: mujoco.MjModel, data: mujoco.MjData, body: int) -> tuple[Array, Array]:

@@ -192,7 +192,7 @@ def describe(
     shapes = compile_shapes(document, roles, [*edits, *placed])
     bodies = _describe_bodies(roles, shapes, poses)
     # Lower hanging objects, and compile again if any pose changed.
-    lowered = dict(let_down(bodies, shapes)) if settled else {}
+    lowered = dict(lower_floating(bodies, shapes)) if settled else {}
     if lowered:
         placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])
@@ -243,7 +243,7 @@ def _refuse_other_unknowns(
     for robot in roles.robots:
         robots.update(elements(robot))
     # Attached models that are robots are not examined.
-    roots = dict.fromkeys([document.root, *(part.model.root for part in roles.brought)])
+    roots = dict.fromkeys([document.root, *(part.model.root for part in roles.attached)])
     for element in (element for root in roots for element in elements(root)):
         if element in robots:
             continue
@@ -323,13 +323,15 @@ def _format_numbers(values: Array) -> dict[int, str]:
     return {i: repr(value) for i, value in enumerate(values.tolist())}
 
 
-def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[tuple[str, Edit]]:
+def lower_floating(
+    bodies: Mapping[str, BodyDescription], shapes: Shapes
+) -> Iterator[tuple[str, Edit]]:
     """Yield the changes, by name, that lower objects onto a support of known height.
 
     The objects are less than `RESTING` above it. The new pose is that after a simulated fall, if the
     fall is straight down.
     """
-    hanging = [body for body in bodies.values() if _hangs(body)]
+    hanging = [body for body in bodies.values() if _is_floating(body)]
     if not hanging:
         return
     data = mujoco.MjData(shapes.model)
@@ -352,7 +354,7 @@ def let_down(bodies: Mapping[str, BodyDescription], shapes: Shapes) -> Iterator[
             yield body.name, Edit(element, "pos", {2: repr(stated_z - drop)}, "0 0 0")
 
 
-def _hangs(body: BodyDescription) -> bool:
+def _is_floating(body: BodyDescription) -> bool:
     """True if an object has a stated pose in the world's axes, just above a support."""
     if body.role != "object" or body.elements.posed_ancestor() is not None:
         return False
@@ -383,18 +385,18 @@ def _no_surface(body: BodyDescription) -> str:
     if not _is_level(body.shapes, body.carrier):
         return "its top is not level"
     for item in body.objects():
-        if _carries(body, item.footing()):
+        if _supports_point(body, item.footing()):
             return ""
     # Without an object on it, the size decides: mounts and narrow bodies are no surfaces.
     extent = (body.cloud.max(axis=0) - body.cloud.min(axis=0))[:2]
-    if np.max(extent) < MOUNT and _carries(body, body.shapes.base().position):
+    if np.max(extent) < MOUNT and _supports_point(body, body.shapes.base().position):
         return "it is the arm's mount"
     if np.min(extent) < CARRYING:
         return f"it is narrower than {CARRYING:g} m and carries no object"
     return ""
 
 
-def _carries(surface: BodyDescription, point: Array) -> bool:
+def _supports_point(surface: BodyDescription, point: Array) -> bool:
     return surface.reaches_over(point) and bool(abs(point[2] - surface.top_z) < RESTING)
 
 

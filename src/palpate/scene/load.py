@@ -93,7 +93,7 @@ def at_heights(scene: Scene, values: Mapping[Parameter, tuple[float, ...]]) -> S
 
 def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
     """The scene with the top of a surface at world z `top`, m, and the bodies on it moved with it."""
-    rises = risen(scene, surface, top, scene.body_poses)
+    rises = compute_rises(scene, surface, top, scene.body_poses)
     # Move the bodies, and the poses at rest to which they would tip.
     bodies = dict(scene.bodies)
     for name, rise in rises.items():
@@ -114,7 +114,7 @@ def raise_surface(scene: Scene, surface: str, top: float) -> Scene:
         of_subject = rises.get(scene.symbols.subjects.get(name, ""), 0.0)
         return pose.translate((0.0, 0.0, places.get(name, of_subject)))
 
-    symbols = scene.symbols.moved(lift_pose)
+    symbols = scene.symbols.map_poses(lift_pose)
     whole = dict(scene.rises)  # rises add up: a surface may be measured more than once
     for name, rise in rises.items():
         whole[name] = whole.get(name, 0.0) + rise
@@ -153,12 +153,12 @@ def correct_body(scene: Scene, name: str, step: Pose, covariance: Array | None =
     return replace(
         scene,
         bodies=MappingProxyType({**scene.bodies, name: corrected}),
-        symbols=scene.symbols.moved(to),
+        symbols=scene.symbols.map_poses(to),
         as_given=scene.as_given or scene,
     )
 
 
-def risen(scene: Scene, surface: str, top: float, places: Places) -> dict[str, float]:
+def compute_rises(scene: Scene, surface: str, top: float, places: Places) -> dict[str, float]:
     """Rise, m, of a surface and of each body on it, with the surface's top moved to world z `top`, m.
 
     Bodies are at the poses `places`. The bottom of an object directly on the surface moves to
@@ -177,7 +177,7 @@ def risen(scene: Scene, surface: str, top: float, places: Places) -> dict[str, f
     return rises
 
 
-def level(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
+def lower_poses(scene: Scene, poses: Mapping[str, Pose]) -> dict[str, Pose]:
     """Convert world poses of objects in the raised scene to those in the scene as given."""
     places = {**scene.body_poses, **poses}
     # Subtract the rise of the support of each object.
@@ -318,7 +318,7 @@ def replace_objects(scene: Scene, objects: Mapping[str, ObjectEntry]) -> Scene:
 def rearrange(scene: Scene, poses: Mapping[str, Pose]) -> Scene:
     """The scene with new `poses` of body frames in the world, and its measured heights."""
     # Read the scene at its given heights, then raise the surfaces to the measured ones.
-    given = scene_from_text(scene.text, scene, level(scene, poses))
+    given = scene_from_text(scene.text, scene, lower_poses(scene, poses))
     for surface in [name for name in scene.rises if name in scene.surfaces]:
         given = raise_surface(given, surface, scene.body(surface).top_z())
     return given

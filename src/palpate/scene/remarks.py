@@ -11,8 +11,8 @@ import numpy as np
 
 from palpate.common.errors import InputError
 from palpate.common.pose import Pose
-from palpate.mjcf.compile import BASE_SITE, removed_with_robots
-from palpate.mjcf.contacts import standing_contacts, tied_to
+from palpate.mjcf.compile import BASE_SITE, count_removed
+from palpate.mjcf.contacts import find_constraint, standing_contacts
 from palpate.mjcf.document import Element, compiler_settings, has_unknown, label, tokens
 from palpate.mjcf.elements import copy_mark
 from palpate.mjcf.shapes import RESTING
@@ -171,7 +171,7 @@ def remarks(scene: Scene) -> tuple[str, ...]:
         _copies,
         _refusal_remarks,
         _contradictions,
-        _why_nothing,
+        _explain_empty_list,
     )
     return tuple(sentence for part in parts for sentence in part(scene))
 
@@ -181,7 +181,7 @@ def _robots(scene: Scene) -> Iterator[str]:
     if not roles.robots:
         return
     # Elements elsewhere in the file that refer to the removed robot go as well.
-    removed = removed_with_robots(scene.resolved.document, roles)
+    removed = count_removed(scene.resolved.document, roles)
     listed = ", ".join(f"{number} {tag}" for tag, number in sorted(removed.items()))
     references = f" Its references are removed too: {listed}." if listed else ""
     yield (
@@ -315,7 +315,9 @@ def _unusual_contacts(scene: Scene) -> Iterator[str]:
     for name in scene.objects if collides else ():
         tries = ((why, replace(shapes, model=model)) for why, model in variants.items())
         placed = ((why, replace(bodies[name], shapes=variant)) for why, variant in tries)
-        why = next((why for why, body in placed if tied_to(body) or standing_contacts(body)), above)
+        why = next(
+            (why for why, body in placed if find_constraint(body) or standing_contacts(body)), above
+        )
         if why:
             yield f"'{name}' {why}."
     for name, body in bodies.items():
@@ -340,7 +342,7 @@ def _driven_fixtures(scene: Scene) -> Iterator[str]:
             "<equality> of its joint": ties
             & ((model.eq_obj1id == joint) | (model.eq_obj2id == joint)),
             "<equality> that ties it": np.array(
-                [tied_to(replace(bodies[name], shapes=shapes)) != ""]
+                [find_constraint(replace(bodies[name], shapes=shapes)) != ""]
             ),
             "<actuator>": drives & (model.actuator_trnid[:, 0] == joint),
             "gravcomp": model.body_gravcomp[[model.body(name).id]] != 0.0,
@@ -358,7 +360,7 @@ def _copies(scene: Scene) -> Iterator[str]:
     copied: list[str] = []
     for name, body in description.bodies.items():
         # Copies of a body share the text that states their values.
-        if any(copy_mark(part) for part in (body.elements.element, *body.elements.through)):
+        if any(copy_mark(part) for part in (body.elements.element, *body.elements.attachments)):
             copied.append(name)
     if copied:
         yield (
@@ -383,7 +385,7 @@ def _contradictions(scene: Scene) -> Iterator[str]:
     return contradictions(scene.resolved)
 
 
-def _why_nothing(scene: Scene) -> Iterator[str]:
+def _explain_empty_list(scene: Scene) -> Iterator[str]:
     # The reasons for an empty list of missing parameters.
     if not scene.objects:
         yield f"There is no object. {_sentence(AN_OBJECT)}"

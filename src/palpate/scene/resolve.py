@@ -23,7 +23,7 @@ from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.compile import compile_spec, model_tree
 from palpate.mjcf.document import Document
 from palpate.mjcf.edits import Change, Edit
-from palpate.mjcf.inertial import Statement, written
+from palpate.mjcf.inertial import Statement, write_inertia
 from palpate.mjcf.shapes import RESTING, Shapes, compile_shapes
 from palpate.scene.describe import Description, body_words, describe
 from palpate.scene.poses import ObjectEntry, Poses
@@ -218,7 +218,7 @@ def changes(
         # Combine all statements on one `<inertial>`, then the other changes.
         statements, others = _state_inertial(body, catalogue, values, std)
         depends_on, _ = _state_inertial(body, catalogue, known, {})
-        yield from written(body, statements, depends_on)
+        yield from write_inertia(body, statements, depends_on)
         yield from others
     # Changes that follow, e.g. the resting height of an object on a surface of measured height.
     believed = {**known, **values}

@@ -191,11 +191,11 @@ def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Sca
     model = "".join(letters) or "scene"
     first = items[0].name if items else "mug"
     texts = {SCENE: scene_text(model, surface, items), POSES: _POSES.format(first=first)}
-    written(folder, texts)
+    write_texts(folder, texts)
     return Scaffold(folder / SCENE, folder / POSES, tuple(item.name for item in items))
 
 
-def written(folder: Path, texts: Mapping[str, str]) -> None:
+def write_texts(folder: Path, texts: Mapping[str, str]) -> None:
     """Write all files, or none and raise an `InputError` if one of them exists."""
     for name in texts:
         if (folder / name).exists():

@@ -260,7 +260,7 @@ class Symbols:
         """A sum of offsets (3,) at a named pose, which is `base`, in world axes."""
         return in_hand(base, offset) if name in self.handles else in_world(base, offset)
 
-    def moved(self, to: Callable[[str, Pose], Pose]) -> Symbols:
+    def map_poses(self, to: Callable[[str, Pose], Pose]) -> Symbols:
         """The symbols with every pose replaced by `to(name, pose)`."""
 
         def found_later(name: str) -> Pose | None:

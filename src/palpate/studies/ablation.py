@@ -81,7 +81,7 @@ def ablation(
 ) -> list[TrialRecord]:
     """Run `trials` trials of every configuration, prompt, planner and scenario; append the results to `file`."""
     # All trials share the conditions; pictures are saved next to the results.
-    conditions = replace(conditions, beside=file)
+    conditions = replace(conditions, records_file=file)
     critic = conditions.model_settings.critic or ""
     styles = [checked_style(prompt) for prompt in prompts]
     each = product(chosen(names), planners, styles, configurations, range(trials))

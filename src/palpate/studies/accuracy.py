@@ -130,7 +130,7 @@ class StudyCase:
 class Prepared:
     """Checked plan of a question, and its simulated world as read from the file."""
 
-    made: Run
+    run: Run
     cell: Cell | None  # None for a world without a file, whose unknowns each seed draws
 
     @classmethod
@@ -143,7 +143,7 @@ class Prepared:
 
     def for_seed(self, settings: Settings) -> tuple[Run, Cell | None]:
         """Return the planned run with the seed of `settings`, and its cell."""
-        planned = replace(self.made, settings=replace(self.made.settings, seed=settings.seed))
+        planned = replace(self.run, settings=replace(self.run.settings, seed=settings.seed))
         if isinstance(self.cell, SimulatedCell):
             return planned, replace(self.cell, seed=settings.seed)
         return planned, self.cell

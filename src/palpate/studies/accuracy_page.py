@@ -36,7 +36,7 @@ class ParameterCard:
     """Section of a parameter: ids of its figures and their captions."""
 
     name: str
-    said: str
+    text: str
     figures: tuple[str, ...]
 
 

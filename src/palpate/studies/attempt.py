@@ -39,7 +39,7 @@ class Conditions:
     # Of the requests to models; the paper gives no feedback.
     model_settings: ModelSettings = field(default_factory=lambda: ModelSettings(rounds=0))
     # File in whose folder pictures of simulated worlds are saved; None for no pictures.
-    beside: Path | None = None
+    records_file: Path | None = None
 
 
 # Requests overlap. Simulations run one at a time, because they would only slow each other down.
@@ -114,10 +114,10 @@ def workspace_images(task: Scenario, conditions: Conditions) -> tuple[Path, ...]
     Renderings are made once. There are none without OpenGL.
     """
     given = conditions.images or task.images
-    if given or conditions.beside is None:
+    if given or conditions.records_file is None:
         return given
     # Render once for each scenario, next to the results.
-    first = conditions.beside.with_suffix(f".{task.name.replace('/', '-')}.png")
+    first = conditions.records_file.with_suffix(f".{task.name.replace('/', '-')}.png")
     further = first.with_stem(f"{first.stem}.closer")
     with _executing:
         if not first.exists():

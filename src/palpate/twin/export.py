@@ -35,10 +35,10 @@ from palpate.twin.export_facts import (
 )
 from palpate.twin.export_readers import bodies_of, read_spec
 from palpate.twin.export_urdf import write_urdf
-from palpate.twin.export_usd import left_behind, require_usd, write_usd
+from palpate.twin.export_usd import iter_left_out, require_usd, write_usd
 from palpate.twin.files import pack
 from palpate.twin.randomisation import write_randomisation
-from palpate.twin.twin import Twin, held_by_twin
+from palpate.twin.twin import Twin, select_twin_estimates
 
 Format = Literal["mjcf", "urdf", "usd", "randomisation"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -90,7 +90,7 @@ class Export:
     Attributes:
         format: one of `FORMATS`.
         file: the main file, in its folder.
-        held: measured parameters in the file.
+        kept: measured parameters in the file.
         lost: measured parameters that the format cannot state.
         notes: other differences from the twin, and what is assumed, a line each.
         findings: by the check in the readers; empty without it.
@@ -98,7 +98,7 @@ class Export:
 
     format: Format
     file: Path
-    held: tuple[Parameter, ...]
+    kept: tuple[Parameter, ...]
     lost: tuple[Parameter, ...]
     notes: tuple[str, ...]
     findings: tuple[Finding, ...] = ()
@@ -108,7 +108,7 @@ class Export:
 
         Without a check it is the one that read the file back, if it compared the quantity.
         """
-        if parameter not in self.held:
+        if parameter not in self.kept:
             return ()
         if not self.findings:
             return ("mujoco",) if parameter.quantity in READ_BACK.get(self.format, ()) else ()
@@ -153,7 +153,11 @@ def export_twin(
     if chosen == "randomisation":
         if check:
             raise InputError("ranges are no model: a check is for mjcf, urdf and usd")
-        written = [each for each in held_by_twin(estimates) if each.parameter not in twin.unwritten]
+        written = [
+            each
+            for each in select_twin_estimates(estimates)
+            if each.parameter not in twin.unwritten
+        ]
         file, notes = write_randomisation(written, folder)
         return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
     if twin.scene is None:
@@ -336,7 +340,7 @@ def _usd(scene: Path, folder: Path, static: Mapping[str, float]) -> tuple[Path, 
     model = spec.compile()
     file = write_usd(spec, scene.with_name("ready.xml"), folder, static)
     springs = [TWICE.format(spec.joints[j].name) for j in np.flatnonzero(model.jnt_stiffness)]
-    return file, [COMBINED, *notes, *springs, *left_behind(spec)]
+    return file, [COMBINED, *notes, *springs, *iter_left_out(spec)]
 
 
 WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path, list[str]]]] = {

@@ -171,7 +171,7 @@ def state_joint(prim: Any, model: mujoco.MjModel) -> None:
         drive.CreateTargetPositionAttr(float(model.qpos_spring[at] - model.qpos0[at]) / degree)
 
 
-def left_behind(spec: mujoco.MjSpec) -> Iterator[str]:
+def iter_left_out(spec: mujoco.MjSpec) -> Iterator[str]:
     """Note the elements that the converter leaves out, by kind."""
     kinds = {
         "cameras": spec.cameras,

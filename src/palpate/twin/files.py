@@ -39,7 +39,7 @@ def one_text(document: Document, texts: Texts) -> str:
 def inlined(document: Document, texts: Texts) -> str:
     """Return the main text with the contents of all included files."""
     parts = {**document.texts, **texts.parts}
-    return inline_includes(texts.main, document.includes, document.beside, parts)
+    return inline_includes(texts.main, document.includes, document.asset_paths, parts)
 
 
 def pack(document: Document, folder: Path, name: str = TWIN) -> dict[str, str]:

@@ -58,7 +58,7 @@ def inject(
     description = describe(parse_document(text, folder), Poses(), catalogue())
     texts = _inject_values(description, catalogue(), values, records)
     std = deviations(records)
-    for parameter, reason in misread(description, texts, values, std, catalogue()):
+    for parameter, reason in iter_misread(description, texts, values, std, catalogue()):
         raise InputError(f"{parameter} cannot be stated in this file: {reason}")
     document = description.document
     if texts.parts.keys() - set(document.includes.values()):
@@ -68,7 +68,9 @@ def inject(
 
 def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
     """List the `?` attributes that must be filled before MuJoCo reads the file, in document order."""
-    return marked_unknown(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
+    return list_marked_unknown(
+        describe(parse_document(text, folder), Poses(), catalogue()), catalogue()
+    )
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,17 +107,17 @@ def complete(
     description = resolved.description
     if description.placed:
         description = describe(resolved.document, Poses(), quantities)
-    marked = marked_unknown(description, quantities)
+    marked = list_marked_unknown(description, quantities)
     # Test each value against the others, then all of them as MuJoCo reads them back.
     reasons: dict[Parameter, str] = {}
     for parameter in values:
-        if reason := reason_against(scene, parameter, values, marked):
+        if reason := find_conflict(scene, parameter, values, marked):
             reasons[parameter] = reason
     fitting = {parameter: value for parameter, value in values.items() if parameter not in reasons}
     texts, filled = _fill_unknowns(scene, description, marked, fitting, stated)
     try:
         std = deviations(stated)
-        wrong = dict(misread(resolved.description, texts, fitting, std, quantities))
+        wrong = dict(iter_misread(resolved.description, texts, fitting, std, quantities))
     except InputError as error:  # MuJoCo does not accept the file
         wrong = dict.fromkeys(fitting, str(error))
     if wrong:
@@ -180,7 +182,7 @@ def values_to_write(
     return values, notes
 
 
-def marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
+def list_marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
     """List the missing parameters written as `?`, without which the file does not compile."""
     parameters: list[Parameter] = []
     for body in description.bodies.values():
@@ -193,7 +195,7 @@ def marked_unknown(description: Description, quantities: Catalogue) -> list[Para
     return parameters
 
 
-def reason_against(
+def find_conflict(
     scene: Scene, parameter: Parameter, values: Values, marked: Sequence[Parameter]
 ) -> str:
     """Reason why a value cannot be written together with the others; empty if it can."""
@@ -221,11 +223,11 @@ def _fill_unknowns(
     unmeasured = {p: scene.priors[p] for p in marked if p not in fitting}
     filled = scene.resolved.complete_values(unmeasured, fitting)
     records = [estimate for estimate in estimates if estimate.parameter in fitting]
-    shifts = tuple(moved_along(scene, description, fitting, records))
+    shifts = tuple(shift_carried(scene, description, fitting, records))
     return _inject_values(description, scene.catalogue, filled, records, shifts), filled
 
 
-def moved_along(
+def shift_carried(
     scene: Scene, description: Description, values: Values, records: Sequence[Estimate]
 ) -> Iterator[Edit]:
     """Move bodies that are on a surface of measured height, with its precision."""
@@ -256,7 +258,7 @@ def _inject_values(
     # Edits of the values, of the moved bodies, and of unknowns without meaning.
     edits = list(changes(description.bodies, quantities, values, {}, deviations(records)))
     edits += shifts
-    edits += leftovers(description, quantities, values, edits)
+    edits += remove_leftovers(description, quantities, values, edits)
     texts = rewritten(description.document, edits)
     return replace(texts, main=write_records(texts.main, records))
 
@@ -266,14 +268,14 @@ def deviations(records: Sequence[Estimate]) -> dict[Parameter, float]:
     return {record.parameter: float(min(record.stds)) for record in records if record.has_value}
 
 
-def leftovers(
+def remove_leftovers(
     description: Description, quantities: Catalogue, values: Values, edits: Sequence[Change]
 ) -> Iterator[Edit]:
     """Remove each `?` without a meaning, most in a defaults class: every mass, or friction, is known."""
     # Find the attributes that stay unknown.
     answered = {(edit.element, edit.attribute) for edit in edits if isinstance(edit, Edit)}
     needed: set[str] = set()
-    for parameter in marked_unknown(description, quantities):
+    for parameter in list_marked_unknown(description, quantities):
         if parameter not in values:
             body = description.bodies[parameter.object]
             for slot in quantities[parameter.quantity].slots(body.elements):
@@ -286,7 +288,7 @@ def leftovers(
                 yield leftover
 
 
-def misread(
+def iter_misread(
     before: Description,
     texts: Texts,
     values: Values,

@@ -122,7 +122,7 @@ def test_a_bare_desk_that_is_78_mm_higher_is_measured_and_places_above_it_follow
     plan = around.plan("how high is the desk?")
     *probed, home = plan.tree.children
     lower = replace(plan.tree, children=(*probed, Node("MovePose", (("pose", "low"),)), home))
-    made = replace(plan.made, plan=replace(plan.made.plan, tree=lower))
+    made = replace(plan.run_so_far, plan=replace(plan.run_so_far.plan, tree=lower))
     run = replace(plan, begun=made).run(
         world=world, noise="none", seed=0, rehearse=False, fast=True
     )

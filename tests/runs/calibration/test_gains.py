@@ -12,7 +12,7 @@ from palpate.common.pose import Array, Pose
 from palpate.estimation.wrench_observation import gain_root
 from palpate.robots.nominal import NominalArm, wrenches
 from palpate.robots.owner import load_description
-from palpate.runs.calibration.gains import own_weight_tree, weighed_itself
+from palpate.runs.calibration.gains import gains_from_own_weight, own_weight_tree
 from palpate.trace.recording import Context, Recording
 from palpate.trace.samples import FORCES, Samples, Trace
 
@@ -62,7 +62,7 @@ def test_gains_are_estimated_within_their_standard_deviations() -> None:
     random, errors = np.random.default_rng(1), list[Array]()
     for seed in range(8):
         gains = ARM.nominal.torque_gain * random.uniform(-1.0, 1.0, 7)
-        found = weighed_itself(trace(gains, seed=seed), ARM)
+        found = gains_from_own_weight(trace(gains, seed=seed), ARM)
         stds = np.sqrt(found.covariance.diagonal())
         errors.append((found.mean - gains)[1:6] / stds[1:6])
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
@@ -70,7 +70,7 @@ def test_gains_are_estimated_within_their_standard_deviations() -> None:
 
 
 def test_a_shoulder_is_known_better_than_before_and_an_upright_axis_is_not() -> None:
-    found = weighed_itself(trace(np.zeros(7)), ARM)
+    found = gains_from_own_weight(trace(np.zeros(7)), ARM)
     before = np.sqrt((gain_root(ARM.nominal, 7) ** 2).sum(axis=1))
     stds = np.sqrt(found.covariance.diagonal())
     assert stds[1] < 0.5 * before[1]
@@ -79,7 +79,7 @@ def test_a_shoulder_is_known_better_than_before_and_an_upright_axis_is_not() -> 
 
 def test_heavier_links_do_not_pass_for_gains_beyond_the_link_accuracy() -> None:
     """Links 0.5 % too heavy look like gains of 0.5 %, and the standard deviation covers that."""
-    found = weighed_itself(trace(np.zeros(7), heavier=0.005), ARM)
+    found = gains_from_own_weight(trace(np.zeros(7), heavier=0.005), ARM)
     assert np.abs(found.mean / np.sqrt(found.covariance.diagonal())).max() < 3.0
 
 
@@ -89,9 +89,9 @@ def test_gains_outside_their_stated_accuracy_are_contradicted() -> None:
     known = tuple(map(tuple, (1e-6 * np.eye(7)).tolist()))
     sure = replace(made, hand=replace(made.hand, gain_covariance=known))
     with pytest.raises(InputError, match=r"own weight contradicts.*calibrated wrongly"):
-        weighed_itself(sure, ARM)
+        gains_from_own_weight(sure, ARM)
 
 
 def test_too_few_rests_are_refused() -> None:
     with pytest.raises(InputError, match="rested in 5 configurations"):
-        weighed_itself(trace(np.zeros(7), count=5), ARM)
+        gains_from_own_weight(trace(np.zeros(7), count=5), ARM)

@@ -66,7 +66,7 @@ def test_a_prediction_is_said_in_figures(weight: float, way: str) -> None:
         "would have been 340 mN·m off",
         "χ² is 10 at 9 degrees",
     ):
-        assert words in shown.said
+        assert words in shown.text
 
 
 def test_the_joints_that_bear_most_are_drawn_the_right_way_up() -> None:

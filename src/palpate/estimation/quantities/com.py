@@ -21,11 +21,11 @@ from palpate.estimation.quantities.quantity import (
     held_and_empty,
 )
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.contacts import tied_to
+from palpate.mjcf.contacts import find_constraint
 from palpate.mjcf.document import UNKNOWN, tokens
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
-from palpate.mjcf.inertial import Statement, com_of, lacks
+from palpate.mjcf.inertial import Statement, com_of, is_incomplete
 from palpate.trace.samples import FORCES, Trace
 
 COM_ITERATIONS = 1
@@ -81,13 +81,13 @@ class CentreOfMass(Quantity):
     def status(self, body: BodyDescription) -> Status:
         if body.elements.inertial is None:
             return "assumed"
-        return "missing" if lacks(body.elements.inertial, "pos") else "known"
+        return "missing" if is_incomplete(body.elements.inertial, "pos") else "known"
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...]:
         return com_of(body)
 
     def overruled(self, body: BodyDescription) -> str:
-        return tied_to(body)
+        return find_constraint(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:

@@ -28,10 +28,10 @@ from palpate.estimation.wrench_observation import observe_wrench
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.contacts import (
     acting_friction,
+    find_friction_override,
     highest_priority,
     standing_contacts,
     static_pairs,
-    what_decides,
 )
 from palpate.mjcf.document import UNKNOWN, Element, has_unknown, tokens
 from palpate.mjcf.edits import Edit, Slot, number
@@ -152,7 +152,7 @@ class Friction(Quantity):
         return None if acting is None else (acting,)
 
     def overruled(self, body: BodyDescription) -> str:
-        return what_decides(body)
+        return find_friction_override(body)
 
 
 def open_geoms(body: BodyDescription) -> tuple[Element, ...]:

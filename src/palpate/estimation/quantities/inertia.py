@@ -41,10 +41,17 @@ from palpate.estimation.rigid_bodies import (
 )
 from palpate.estimation.swings import contrast, swings
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.contacts import tied_to
+from palpate.mjcf.contacts import find_constraint
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
-from palpate.mjcf.inertial import Statement, com_of, inertia_for, inertia_is_open, mass_of, whole
+from palpate.mjcf.inertial import (
+    Statement,
+    com_of,
+    composite_inertia,
+    inertia_for,
+    inertia_is_open,
+    mass_of,
+)
 from palpate.trace.samples import FORCES, Trace
 
 SWING_FLOOR = 3e-4
@@ -100,10 +107,10 @@ class Inertia(Quantity):
         return "missing" if inertia_is_open(body.elements.inertial) else "known"
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...]:
-        return tuple(components(whole(body.shapes.model, body.name).tensor))
+        return tuple(components(composite_inertia(body.shapes.model, body.name).tensor))
 
     def overruled(self, body: BodyDescription) -> str:
-        return tied_to(body)
+        return find_constraint(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         if elements.inertial is not None:

@@ -24,7 +24,7 @@ from palpate.estimation.segments import PASS_SPEED, Segment, has_reference, weig
 from palpate.estimation.weighing import Lift, single_shot, weigh
 from palpate.estimation.wrench_observation import observation_of_torques
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.contacts import tied_to
+from palpate.mjcf.contacts import find_constraint
 from palpate.mjcf.edits import Slot
 from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import Statement, mass_beside, mass_is_open, mass_of, unweighed_geoms
@@ -90,7 +90,7 @@ class Mass(Quantity):
         return (mass_of(body),)
 
     def overruled(self, body: BodyDescription) -> str:
-        return tied_to(body)
+        return find_constraint(body)
 
     def slots(self, elements: Elements) -> Iterator[Slot]:
         for geom in elements.geoms:

@@ -35,7 +35,7 @@ from palpate.estimation.spring import (
 )
 from palpate.estimation.touch import RIGID, SurfaceTouch, touches_of
 from palpate.mjcf.body import Body, BodyDescription
-from palpate.mjcf.contacts import damp_surface, soften_surface, spring_of, what_hardens
+from palpate.mjcf.contacts import damp_surface, find_softness_override, soften_surface, spring_of
 from palpate.mjcf.edits import Edit
 from palpate.trace.recording import NominalHand
 from palpate.trace.samples import Trace
@@ -87,7 +87,7 @@ class Stiffness(Quantity):
         yield from soften_surface(body, value[0], std)
 
     def overruled(self, body: BodyDescription) -> str:
-        return what_hardens(body)
+        return find_softness_override(body)
 
 
 class ContactDamping(Quantity):
@@ -130,7 +130,7 @@ class ContactDamping(Quantity):
     def overruled(self, body: BodyDescription) -> str:
         if spring_of(body) is None:
             return "it acts together with a stiffness alone, which was not measured"
-        return what_hardens(body)
+        return find_softness_override(body)
 
 
 class Restitution(Quantity):

@@ -70,13 +70,13 @@ def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line
         yield False, "models", str(error)
         models = ()
     else:
-        yield listed_models(provider, model, models)
+        yield check_model_name(provider, model, models)
     # Only a named model can be asked.
     if model:
-        yield from asked_model(Endpoint(provider, model, address), seconds)
+        yield from try_model(Endpoint(provider, model, address), seconds)
 
 
-def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
+def check_model_name(provider: Provider, model: str, models: tuple[str, ...]) -> Line:
     """State the models of the server, and if the chosen one is among them."""
     more = f" and {len(models) - LISTED} more" if len(models) > LISTED else ""
     listing = f"{', '.join(models[:LISTED])}{more}" or "none"
@@ -88,7 +88,7 @@ def listed_models(provider: Provider, model: str, models: tuple[str, ...]) -> Li
     return False, "models", f"there is no '{model}'; there are: {listing}{get}"
 
 
-def asked_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
+def try_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
     """Test the model by three requests.
 
     It must answer a word, remember a word before a text as long as a prompt, and name the colour of

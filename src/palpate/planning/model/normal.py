@@ -335,7 +335,7 @@ def normalized_tree(value: object) -> object:
         return normalized_tree({"type": "Sequence", "children": listed})
     if not isinstance(value, dict):
         return value
-    value = spelled_out(cast("dict[str, Any]", value))
+    value = expand_node(cast("dict[str, Any]", value))
     node = normalized_node(cast("dict[str, Any]", value))
     children: object = node.get("children")
     # Remove a root field or a root node with one child.
@@ -343,7 +343,7 @@ def normalized_tree(value: object) -> object:
         return normalized_tree(node["root"])
     if isinstance(children, list):
         node["children"] = [
-            normalized_tree(spelled_out(each)) for each in cast("list[object]", children)
+            normalized_tree(expand_node(each)) for each in cast("list[object]", children)
         ]
         if plain(node.get("type")) in _ROOTS and len(node["children"]) == 1:
             return node["children"][0]
@@ -357,7 +357,7 @@ _CALL = re.compile(r"\s*([A-Za-z_]\w{0,40})\s*(?:\((.{0,2000})\)\s*)?", re.DOTAL
 _ARGUMENT = re.compile(r"""(?:(\w{1,40})\s*[=:]\s*)?('[^']*'|"[^"]*"|[^,'"]+)(?:,\s*|$)""")
 
 
-def spelled_out(value: object) -> object:
+def expand_node(value: object) -> object:
     """Return a node with its type in a field.
 
     A node may be a call, `MovePose(pose="cup_pose")`, or have its type as its only key:

@@ -244,7 +244,7 @@ def after_cycle(
 # Steps that record evidence: sensing and conversion.
 
 
-def yielding(
+def conversion_tail(
     parameter: Parameter, operators: Sequence[Primitive], words: Vocabulary, around: Surroundings
 ) -> Tail:
     """Return a tail that senses and converts a parameter, alone or in parallel with a motion."""

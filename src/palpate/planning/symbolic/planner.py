@@ -29,7 +29,7 @@ from palpate.primitives.registry import Vocabulary, acquisition, vocabulary
 from palpate.primitives.rules.collision_geometry import too_far
 from palpate.primitives.rules.grasp import does_not_fit, too_heavy
 from palpate.primitives.rules.solids import solids
-from palpate.scene.load import TEMPORARY, is_open, risen
+from palpate.scene.load import TEMPORARY, compute_rises, is_open
 from palpate.scene.remarks import contradictions, overlap_of
 from palpate.scene.scene import Scene
 
@@ -362,7 +362,7 @@ def unknown_heights(assembled: Assembled, scene: Scene) -> list[str]:
         if not is_open(scene, name) or Parameter(name, "height") in assembled.measured:
             continue
         # Objects directly or indirectly on this surface.
-        on = risen(scene, name, body.top_z(), scene.body_poses)
+        on = compute_rises(scene, name, body.top_z(), scene.body_poses)
         touched = sorted({p.object for p in assembled.measured} & on.keys() & scene.objects.keys())
         if touched:
             sentences.append(

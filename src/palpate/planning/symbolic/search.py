@@ -18,7 +18,7 @@ from palpate.common.parameter import Parameter, PlanRejected
 from palpate.estimation.quantities.quantity import Effort
 from palpate.planning.check.walk import evidence_amount, has_measurement, useful_evidence
 from palpate.planning.plan import Node
-from palpate.planning.symbolic.efforts import with_effort, yielding
+from palpate.planning.symbolic.efforts import conversion_tail, with_effort
 from palpate.planning.symbolic.shortest import (
     Goal,
     Refusal,
@@ -260,7 +260,7 @@ class Backchainer:
         """Acquire one more piece of evidence at one of these places; return False without a path."""
         operators = self._operators(parameter.object, expressions)
         around = self._surroundings(parameter.object, expressions)
-        return self._reach(operators, yielding(parameter, operators, self.words, around))
+        return self._reach(operators, conversion_tail(parameter, operators, self.words, around))
 
     def _improve(self, parameter: Parameter) -> None:
         """Record evidence beyond the minimum where a single step yields it."""
@@ -272,7 +272,7 @@ class Backchainer:
                     return
                 operators = self._operators(parameter.object, [corner])
                 around = self._surroundings(parameter.object, [corner])
-                tail = yielding(parameter, operators, self.words, around)
+                tail = conversion_tail(parameter, operators, self.words, around)
                 self._take(tail(self.state) or ())
 
     def _enrich(self, parameter: Parameter) -> None:
@@ -347,7 +347,7 @@ class Backchainer:
         for parameter in parameters:
             around = self._surroundings(parameter.object, [])
             for operator in operators:
-                steps = yielding(parameter, [operator], self.words, around)(state)
+                steps = conversion_tail(parameter, [operator], self.words, around)(state)
                 if steps:
                     yield operator, steps
 

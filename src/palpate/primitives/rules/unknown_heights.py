@@ -16,7 +16,7 @@ from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.primitives.rules.solids import solids
 from palpate.primitives.state import SymbolicState
-from palpate.scene.load import GUESS, is_open, raise_surface, risen
+from palpate.scene.load import GUESS, compute_rises, is_open, raise_surface
 from palpate.scene.scene import Scene
 
 
@@ -59,7 +59,7 @@ def higher(before: SymbolicState, after: SymbolicState) -> dict[str, float]:
     for surface in unknown - {after.contact}:
         # Raise the surface, and collect the objects that would rise with it.
         top = scene.body(surface).top_z() + GUESS
-        rises = risen(scene, surface, top, before.body_poses())
+        rises = compute_rises(scene, surface, top, before.body_poses())
         found |= {name: GUESS for name in rises if name in scene.objects}
     return found
 

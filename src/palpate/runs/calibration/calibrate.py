@@ -112,7 +112,7 @@ def calibrate(
 
         assert tag is not None
         seen, believed = locate(session, wanted.camera, wanted.intrinsics, tag)
-        rows = camera_found(believed, seen, tag)
+        rows = compare_camera(believed, seen, tag)
     # Write the findings over the figures of the existing file.
     config = merge_findings(existing or before, session)
     write_config(out, config)
@@ -209,7 +209,7 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
     return figures
 
 
-def camera_found(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:
+def compare_camera(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:
     """Compare position, rotation and focal length of the camera with those believed before."""
     from palpate.perception.solve import pose_difference
 

@@ -211,7 +211,7 @@ def own_weight_tree(arm: RobotDescription) -> Node:
     return Node("Sequence", children=(*steps, home))
 
 
-def weighed_itself(trace: Trace, arm: RobotDescription) -> GainBelief:
+def gains_from_own_weight(trace: Trace, arm: RobotDescription) -> GainBelief:
     """Compute the posterior of the gains from the arm's own weight at rest in many configurations.
 
     The readings of `trace` are corrected by the calibration so far.

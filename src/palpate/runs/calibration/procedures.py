@@ -37,7 +37,7 @@ def weigh_itself(session: CalibrationSession) -> None:
     plan = calibration_plan((), gains.own_weight_tree(session.arm))
     trace = session.perform(scene, plan, scene if own is None else None)
     by = f"its own weight in {CONFIGURATIONS} configurations"
-    correct_gains(session, gains.weighed_itself(trace, session.arm), by)
+    correct_gains(session, gains.gains_from_own_weight(trace, session.arm), by)
 
 
 def weigh(session: CalibrationSession, known: Known) -> None:

@@ -13,7 +13,7 @@ import numpy as np
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.quantities.catalogue import catalogue
-from palpate.runs.figures import ComponentText, figures, in_a_line
+from palpate.runs.figures import ComponentText, figures, format_values
 from palpate.runs.report.changes import RecordingEntry, evidence, quantity_label
 from palpate.runs.report.charts import (
     Axis,
@@ -241,5 +241,5 @@ def value_text(id: str, state: State, value: tuple[float, ...], now: Estimate | 
     unit = catalogue()[id].unit if id in catalogue() else ""
     before = plain(value) if value else UNSTATED[state]
     if now is not None:
-        return with_unit(f"{before} → {in_a_line(now)}", unit)
+        return with_unit(f"{before} → {format_values(now)}", unit)
     return with_unit(before, unit) if value else before

@@ -11,7 +11,7 @@ from rich.segment import Segment
 
 from palpate.common.display import visible
 
-LIVE_LOGGER = "palpate.told"  # Name of the logger for the content of the live view
+LIVE_LOGGER = "palpate.live"  # Name of the logger for the content of the live view
 
 
 class SafeConsole(Console):

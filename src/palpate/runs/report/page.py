@@ -207,7 +207,7 @@ def render_report(data: ReportData) -> str:
         aftermath=sections.aftermath(run.plan, trace),
         predictions=sections.predictions(run.held_out),
         tasks=sections.lines(data.proof),
-        indifferent=tuple(sections.indifferent(data.proof)),
+        indifferent=tuple(sections.iter_insensitive_tasks(data.proof)),
         diff=diff_lines("" if twin is None else twin.diff),
         twin_checks={} if checks is None else twin_checks(checks),
         twin_notes=() if twin is None else twin.notes,

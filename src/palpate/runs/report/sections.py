@@ -58,7 +58,7 @@ class Prediction:
 
     title: str
     agrees: bool
-    said: str
+    text: str
     disagreement: str
     panels: tuple[Panel, ...]
 
@@ -154,7 +154,7 @@ class TaskDrawing:
     prior: float | None
     twin: float | None
     band: tuple[float, float] | None  # start and width of the twin's promise
-    said: tuple[str, str, str]  # results of prior and twin, and the promise, as text
+    results: tuple[str, str, str]  # results of prior and twin, and the promise, as text
 
 
 def lines(proof: Proof | None) -> list[TaskDrawing]:
@@ -171,14 +171,14 @@ def _line(row: Proved) -> TaskDrawing:
     reach = max(abs(error) for error in (prior, twin, low, high, 1e-9) if np.isfinite(error))
     start, end = _place(low / reach), _place(high / reach)
     band = None if start is None or end is None else (start, round(max(end - start, 0.3), 1))
-    goal, prior_said, twin_said, promise = row.cells()[2:]
+    goal, prior_result, twin_result, promise = row.cells()[2:]
     return TaskDrawing(
         f"{row.object}: {row.task}, {goal}",
         row.says,
         _place(prior / reach),
         _place(twin / reach),
         band,
-        (prior_said, twin_said, promise),
+        (prior_result, twin_result, promise),
     )
 
 
@@ -187,7 +187,7 @@ def _place(share: float) -> float | None:
     return round(50 + 50 * (1 - MARGIN) * share, 1) if np.isfinite(share) else None
 
 
-def indifferent(proof: Proof | None) -> Iterator[str]:
+def iter_insensitive_tasks(proof: Proof | None) -> Iterator[str]:
     """List the tasks without a line."""
     if proof is None:
         return
@@ -214,7 +214,7 @@ class PoseRow:
 def pose_rows(beliefs: Mapping[str, Belief]) -> Iterator[PoseRow]:
     """List the poses of objects that were seen."""
     for name, belief in beliefs.items():
-        touches = tuple(f"{touch.means}: {touch.said}" for touch in belief.touches)
+        touches = tuple(f"{touch.means}: {touch.description}" for touch in belief.touches)
         both = _in_words(belief.pose, belief.covariance) if touches else ""
         sight = _in_words(belief.seen, belief.seen_covariance)
         yield PoseRow(name, sight, touches, both, belief.contradiction)
