@@ -10,7 +10,7 @@ import time
 
 import pytest
 
-from palpate.common.processes import BackgroundWork, can_copy, shared_out
+from palpate.common.processes import Fork, can_copy, shared_out
 
 ALONE = """
 import os, signal, sys, time
@@ -91,7 +91,7 @@ def test_it_is_done_in_this_process_where_no_other_is_to_be_had(
 
     monkeypatch.setattr("multiprocessing.context.ForkProcess.start", refused)
     monkeypatch.setattr("palpate.common.processes.can_copy", lambda: True)
-    with BackgroundWork(os.getpid) as beside:
+    with Fork(os.getpid) as beside:
         assert beside.result() == os.getpid()
 
 
@@ -101,7 +101,7 @@ def test_a_process_with_threads_is_not_copied() -> None:
     thread.start()
     try:
         assert not can_copy()
-        with BackgroundWork(lambda: (os.getpid(), time.sleep(0))) as beside:
+        with Fork(lambda: (os.getpid(), time.sleep(0))) as beside:
             assert beside.result()[0] == os.getpid()
         assert set(shared_out(lambda _: os.getpid(), range(7))) == {os.getpid()}
     finally:

@@ -6,7 +6,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.mjcf.inertial import composite_inertia
+from palpate.mjcf.inertial import total_inertia
 
 CLUB = """<mujoco><worldbody>
 <body name="club" pos="1 2 3" euler="20 0 40"><freejoint/>
@@ -23,7 +23,7 @@ def test_whole_has_the_inertia_of_the_compiled_subtree(own: str) -> None:
     model = mujoco.MjModel.from_xml_string(CLUB.format(own=own))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    found, club = composite_inertia(model, "club"), model.body("club").id
+    found, club = total_inertia(model, "club"), model.body("club").id
     pose = data.xpos[club], data.xmat[club].reshape(3, 3)
     assert found.mass == pytest.approx(model.body_subtreemass[club])
     assert pose[0] + pose[1] @ found.com == pytest.approx(data.subtree_com[club])

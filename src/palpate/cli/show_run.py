@@ -237,11 +237,8 @@ def _show_estimates(run: Run) -> None:
         precision = run.settings.within.precision(estimate)
         if precision is not None:
             colour = "yellow" if precision.outcome == "rounds used up" else "green"
-            name, interval = (
-                escape(str(estimate.parameter)),
-                escape(precision.in_words(estimate.unit)),
-            )
-            out.prose(f"[{colour}]{precision.outcome}[/] {name}: {interval}")
+            name, text = str(estimate.parameter), precision.in_words(estimate.unit)
+            out.prose(f"[{colour}]{precision.outcome}[/] {escape(name)}: {escape(text)}")
     _show_held_out(run)
     for name, belief in run.beliefs.items():
         if belief.contradiction:

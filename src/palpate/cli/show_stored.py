@@ -43,19 +43,15 @@ def show_estimates(
     # One row for each component.
     columns, rows = (
         list(COLUMNS),
-        [row for estimate in estimates for row in estimate_rows(estimate)],
+        [row for e in estimates for row in estimate_rows(e)],
     )
     if truth:
         columns.append(TableColumn("truth", style="dim"))
-        trues = [
-            cell
-            for estimate in estimates
-            for cell in _truth_cells(estimate, truth.get(estimate.parameter, ()))
-        ]
+        trues = [cell for e in estimates for cell in _truth_cells(e, truth.get(e.parameter, ()))]
         rows = [[*row, cell] for row, cell in zip(rows, trues, strict=True)]
     print_rows(columns, rows)
-    for estimate in estimates:
-        show_objection(estimate)
+    for e in estimates:
+        show_objection(e)
 
 
 def show_objection(estimate: Estimate) -> None:

@@ -195,7 +195,7 @@ T = TypeVar("T")
 GRACE = 2.0  # s in which a terminated copy can remove its files
 
 
-class BackgroundWork(Generic[T]):
+class Fork(Generic[T]):
     """Result of `work`, computed by a forked copy of this process. A context manager; leaving it ends the copy.
 
     Without a copy, or if it fails, `result()` does the work in this process.
@@ -255,7 +255,7 @@ class BackgroundWork(Generic[T]):
                 copy.start()
             self._copy, self._receiver = copy, receiver
 
-    def __enter__(self) -> BackgroundWork[T]:
+    def __enter__(self) -> Fork[T]:
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -272,7 +272,7 @@ def shared_out(work: Callable[[K], T], items: Sequence[K]) -> Generator[T]:
     share = math.ceil(len(items) / processors())
     with ExitStack() as stack:
         copies = [
-            stack.enter_context(BackgroundWork(partial(_each, work, items[first : first + share])))
+            stack.enter_context(Fork(partial(_each, work, items[first : first + share])))
             for first in range(share, len(items), share or 1)
         ]
         for item in items[:share]:

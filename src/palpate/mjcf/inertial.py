@@ -32,7 +32,7 @@ class WholeInertia:
     tensor: Array
 
 
-def composite_inertia(model: mujoco.MjModel, name: str) -> WholeInertia:
+def total_inertia(model: mujoco.MjModel, name: str) -> WholeInertia:
     """Compute the inertia of a body and all bodies below it as one rigid body, at the file's configuration."""
     root = int(model.body(name).id)
     # Pose and inertia of each body of the subtree, in the root body's frame.
@@ -145,7 +145,7 @@ def _stated_masses(body: BodyDescription, unweighed: Sequence[Element]) -> float
 
 def com_of(body: BodyDescription) -> tuple[float, ...]:
     """Return the compiled centre of mass in the body frame, m."""
-    return tuple(composite_inertia(body.shapes.model, body.name).com.tolist())
+    return tuple(total_inertia(body.shapes.model, body.name).com.tolist())
 
 
 def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tuple[float, ...]:
@@ -156,7 +156,7 @@ def inertia_for(body: BodyDescription, mass: float, com: Sequence[float]) -> tup
 def tensor_about(body: BodyDescription, mass: float, com: Array) -> Array:
     """Compute the inertia (3, 3), kg m², about `com` in body axes, of the geoms scaled to `mass`."""
     if body.elements.inertial is None:
-        compiled = composite_inertia(body.shapes.model, body.name)
+        compiled = total_inertia(body.shapes.model, body.name)
         tensor, centre = compiled.tensor * (mass / compiled.mass), compiled.com
     else:
         # An `<inertial>` hides the inertia of the geoms. Use that of a solid box around them: m (b² + c²) /
@@ -272,24 +272,22 @@ def _weights(body: BodyDescription) -> dict[Element, float]:
     return {geom: weight for geom, weight in stated.items() if weight > 0.0}
 
 
-def _inertial(body: BodyDescription, measured: _Together, known: _Together) -> Iterator[Change]:
+def _inertial(body: BodyDescription, new: _Together, known: _Together) -> Iterator[Change]:
     """Yield the changes that make or complete an `<inertial>`."""
     if body.elements.parts:
         raise InputError(
             f"'{body.name}' has several bodies; MJCF has no single place for its centre of mass"
         )
     # Mass and centre of mass: new values, else known ones, else those of the compiled model.
-    mass = known.mass if measured.mass is None else measured.mass
+    mass = known.mass if new.mass is None else new.mass
     if mass is None and mass_is_open(body):
         raise InputError(f"the centre of mass of '{body.name}' cannot be written without its mass")
     if mass is None:
         mass = mass_of(body)
-    com = np.array(measured.com or known.com or com_of(body))
-    tensor = (
-        tensor_about(body, mass, com) if measured.inertia is None else tensor_of(measured.inertia)
-    )
-    pos = _format_numbers(com.tolist(), measured.com_std)
-    mass_text = number(mass, measured.mass_std)
+    com = np.array(new.com or known.com or com_of(body))
+    tensor = tensor_about(body, mass, com) if new.inertia is None else tensor_of(new.inertia)
+    pos = _format_numbers(com.tolist(), new.com_std)
+    mass_text = number(mass, new.mass_std)
     inertial = body.elements.inertial
     # A new `<inertial>` states all three values.
     if inertial is None:
@@ -308,12 +306,12 @@ def _inertial(body: BodyDescription, measured: _Together, known: _Together) -> I
                     yield Edit(geom, attribute, {0: number(mass / len(geoms))})
         return
     # An existing `<inertial>` gets only the new or open values.
-    if measured.com is not None:
+    if new.com is not None:
         yield Edit(inertial, "pos", unknown_only(inertial, "pos", pos), "? ? ?")
-    if measured.mass is not None:
+    if new.mass is not None:
         yield Edit(inertial, "mass", {0: mass_text})
-    if inertia_is_open(inertial) or measured.inertia is not None:
-        yield from _moments(body, inertial, tensor, is_measured=measured.inertia is not None)
+    if inertia_is_open(inertial) or new.inertia is not None:
+        yield from _moments(body, inertial, tensor, is_measured=new.inertia is not None)
 
 
 def _moments(

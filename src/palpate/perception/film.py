@@ -18,7 +18,7 @@ import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
 from palpate.common.pose import Array
-from palpate.common.processes import BackgroundWork, can_copy
+from palpate.common.processes import Fork, can_copy
 from palpate.perception.renderer import Painter, Pixels, extent, gl_available
 from palpate.perception.stage import FLOOR, build_stage, in_view, moving_bodies
 from palpate.trace.recording import LeafRun
@@ -266,7 +266,7 @@ class Reel:
         """
         self._footage, self._planned = footage, planned
         self._shot: Shot | None = None
-        self._copy: BackgroundWork[Film | None] | None = None
+        self._copy: Fork[Film | None] | None = None
         self._sink: Connection | None = None
         self._whole: tuple[Footage, Trace] | None = None
         self._samples: list[Samples] = []
@@ -280,7 +280,7 @@ class Reel:
             with self._failing():
                 self._look(samples, leaves)
 
-    def finish(self, footage: Footage, trace: Trace) -> BackgroundWork[Film | None] | None:
+    def finish(self, footage: Footage, trace: Trace) -> Fork[Film | None] | None:
         """Return the film of the whole execution, in progress; None if it must be rendered again."""
         with self._failing():
             self._finish(footage, trace)
@@ -375,7 +375,7 @@ class Reel:
             sink.close()  # so that the source ends with the original process
             return film_frames(footage, shot, _receive_frames(source, chunk))
 
-        self._copy, self._sink = BackgroundWork(work), sink
+        self._copy, self._sink = Fork(work), sink
         source.close()
 
     def _send(self, chunk: Chunk) -> None:

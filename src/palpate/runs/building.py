@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.common.processes import BackgroundWork, interrupts, shared_out
+from palpate.common.processes import Fork, interrupts, shared_out
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.evidence import remove_spoiled
 from palpate.estimation.quantities.size import size_on_the_way
@@ -239,9 +239,7 @@ def estimate_unasked_sizes(run: Run, scene: Scene) -> list[Estimate]:
     return [size for size in sizes if size is not None]
 
 
-def execute_given_in_background(
-    run: Run, cell: Cell
-) -> AbstractContextManager[BackgroundWork[Given] | None]:
+def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Given] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot.
 
     None if the twin will not be validated, or if a real robot needs the processor.
@@ -252,14 +250,14 @@ def execute_given_in_background(
     import_module("palpate.robots.simulated.robot")
     import_module("scipy.linalg.lapack")
     # This execution depends on no estimate, so it need not wait for them.
-    return BackgroundWork(lambda: execute_in_given_scene(run.plan, run.scene))
+    return Fork(lambda: execute_in_given_scene(run.plan, run.scene))
 
 
 def touch_twin(
     run: Run,
     planned_in: Scene,
     callbacks: RunCallbacks = SILENT,
-    given: BackgroundWork[Given] | None = None,
+    given: Fork[Given] | None = None,
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 

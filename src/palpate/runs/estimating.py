@@ -14,7 +14,7 @@ import numpy as np
 
 from palpate.common.errors import InputError, PalpateError
 from palpate.common.parameter import Parameter
-from palpate.common.processes import BackgroundWork, can_copy, shared_out
+from palpate.common.processes import Fork, can_copy, shared_out
 from palpate.estimation.estimate import Estimate
 from palpate.estimation.evidence import find_evidence_span, remove_spoiled, select_evidence
 from palpate.estimation.quantities.estimators import estimate_all, failed_estimate
@@ -26,8 +26,8 @@ from palpate.runs.held_out import (
     HeldOut,
     HeldOutMotion,
     held_out,
-    iter_still_recordings,
     judge,
+    still_recordings,
     with_tests,
 )
 from palpate.runs.run import Run
@@ -58,7 +58,7 @@ def estimates(
     # Keep the trace, so that it is read from its file once and not for every estimate.
     run = replace(run, estimates=(), held_out=None, recorded=trace)
     # Use the surfaces and poses that the run measured.
-    scene = run.scene if trace is None else _place_as_measured(run, trace)
+    scene = run.scene if trace is None else _measured_scene(run, trace)
     estimate_of: dict[Parameter, Estimate] = {}
 
     def make(later: Collection[str]) -> Iterator[Run]:
@@ -112,12 +112,12 @@ def judge_object(run: Run, name: str) -> Judged | None:
     try:
         trace = run.trace
         scene, evidence = (
-            _place_as_measured(run, trace),
+            _measured_scene(run, trace),
             select_evidence(remove_spoiled(trace), name),
         )
         wanted = [p for p in run.plan.parameters if p.object == name]
         estimates = tuple(_estimate_parameter(run, scene, p) for p in wanted)
-        lifted = any(iter_still_recordings(evidence, name))
+        lifted = any(still_recordings(evidence, name))
         motion = judge(scene, evidence, estimates, name, None) if lifted else None
         return Judged(_key(scene, evidence, name), estimates, motion)
     except Exception:
@@ -146,7 +146,7 @@ def _key(scene: Scene, evidence: Trace, name: str) -> bytes:
     return sha256(pickle.dumps((believed, evidence))).digest()
 
 
-def _place_as_measured(run: Run, trace: Trace) -> Scene:
+def _measured_scene(run: Run, trace: Trace) -> Scene:
     """Correct the run's scene: surfaces as measured, objects at the poses found by touch."""
     scene = scene_with_measurements(run.scene, trace)
     for name, belief in run.beliefs.items():
@@ -191,7 +191,7 @@ def reestimate(run: Run, choice: Mapping[str, str] | None = None) -> Run:
             f"the run's scene, '{file}', is missing: put it back there to make estimates again"
         )
     # Repeat estimation and validation as the run did them.
-    scene = _place_as_measured(run, trace)
+    scene = _measured_scene(run, trace)
     recorded = [e.parameter for e in run.estimates] if run.is_recorded else ()
     fresh = estimate_all(recorded or run.plan.parameters, trace, scene.bodies, choice or {})
     annotated = (
@@ -215,7 +215,7 @@ def add_views(run: Run) -> Run:
     with suppress(PalpateError):
         # Attach the views only to equal values.
         wanted = [e.parameter for e in run.estimates]
-        fresh = estimate_all(wanted, trace, _place_as_measured(run, trace).bodies)
+        fresh = estimate_all(wanted, trace, _measured_scene(run, trace).bodies)
         same = [
             replace(e, views=again.views) if np.array_equal(e.values, again.values) else e
             for e, again in zip(run.estimates, fresh, strict=True)
@@ -248,15 +248,13 @@ def _validate(
     if trace is None:
         return run
     try:
-        held_out_motions = held_out(scene, trace, run.estimates, choice, early)
+        motions = held_out(scene, trace, run.estimates, choice, early)
     except Exception as error:
         reason = f"nothing was held out: {type(error).__name__}: {error}"
         return replace(run, held_out=HeldOut((), (reason,)))
-    if held_out_motions is None:
+    if motions is None:
         return run
-    return replace(
-        run, held_out=held_out_motions, estimates=with_tests(run.estimates, held_out_motions)
-    )
+    return replace(run, held_out=motions, estimates=with_tests(run.estimates, motions))
 
 
 # Estimates of finished objects, made while the arm handles the next one.
@@ -269,13 +267,13 @@ class Ahead:
     (`Judged.key`).
     """
 
-    def __init__(self, run: Run, beside: BackgroundWork[Given] | None) -> None:
+    def __init__(self, run: Run, beside: Fork[Given] | None) -> None:
         """Begin without estimates of the run; `beside` is a copy that already runs."""
         self._made, self._beside = run, beside
         # Only objects are estimated ahead, each once.
         of_objects = (p.object for p in run.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in run.scene.objects]
-        self._copies: dict[str, BackgroundWork[Judged | None]] = {}
+        self._copies: dict[str, Fork[Judged | None]] = {}
         self._leaves = 0
 
     @property
@@ -303,7 +301,7 @@ class Ahead:
                 self._due.remove(name)
                 sofar = replace(self._made, recorded=recorder.snapshot())
                 with suppress(OSError):  # no process to be had
-                    self._copies[name] = BackgroundWork(partial(judge_object, sofar, name))
+                    self._copies[name] = Fork(partial(judge_object, sofar, name))
                 return
 
     def results(self) -> Mapping[str, Judged]:
@@ -323,7 +321,7 @@ class Ahead:
 
 
 def estimate_ahead(
-    run: Run, cell: Cell, beside: BackgroundWork[Given] | None
+    run: Run, cell: Cell, beside: Fork[Given] | None
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 

@@ -135,7 +135,7 @@ def held_out(
     evidence = remove_spoiled(trace)
     motions: list[HeldOutMotion] = []
     notes: list[str] = []
-    lifted = (recording.context.holding for recording in iter_still_recordings(evidence))
+    lifted = (recording.context.holding for recording in still_recordings(evidence))
     names = list(dict.fromkeys(name for name in lifted if name is not None))  # each once, in order
     known = early or {}
     due = [name for name in names if known.get(name) is None]
@@ -182,7 +182,7 @@ def usable(estimate: Estimate) -> bool:
     return estimate.has_value and estimate.verdict != "contradicted"
 
 
-def iter_still_recordings(trace: Trace, name: str | None = None) -> Iterator[Recording]:
+def still_recordings(trace: Trace, name: str | None = None) -> Iterator[Recording]:
     """Yield the recordings of forces while an object, or the one called `name`, was held still in the air."""
     for recording in trace.recordings:
         context = recording.context
@@ -198,9 +198,7 @@ def cut_of(trace: Trace, name: str) -> HoldOut | None:
     lifts: list[HoldOut] = []
     # Grasps and releases alternate: every second interval is a lift.
     for start, end in list(pairwise([*grasps, float(trace.t[-1])]))[::2]:
-        measured = [
-            r for r in iter_still_recordings(trace, name) if start <= r.start and r.end <= end
-        ]
+        measured = [r for r in still_recordings(trace, name) if start <= r.start and r.end <= end]
         if measured:
             # Follow the path of the first recording: later the object may be tilted.
             lifts.append(HoldOut("", start, end, measured[0]))

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
 from palpate.common.processes import (
-    BackgroundWork,
+    Fork,
     before_anything_moves,
     interrupts,
     release_memory,
@@ -26,7 +26,7 @@ from palpate.execution.cell import Cell
 from palpate.planning.planner import Planner
 from palpate.primitives.base import Recorder
 from palpate.runs import workplace
-from palpate.runs.building import Given, build_twin, execute_given_in_background, touch_twin
+from palpate.runs.building import Given, build_twin, fork_given_execution, touch_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.estimating import Ahead, estimate, estimate_ahead, estimates
 from palpate.runs.executing import execute
@@ -134,7 +134,7 @@ def carry_out(
         keeper = Keeper(folder, signals)
         run = keeper.begin(run, request_json(run.settings))
         with (
-            execute_given_in_background(run, cell) as given,
+            fork_given_execution(run, cell) as given,
             estimate_ahead(run, cell, given) as ahead,
             film_while_moving(run, cell, given) as reel,
         ):
@@ -195,9 +195,7 @@ class _Steps:
     cell: Cell | None = None  # of the execution; None if an earlier process executed the plan
     ahead: Ahead | None = None  # estimates that are computed during the execution
     darkroom: Darkroom | None = None  # film and pictures that are being rendered
-    given: BackgroundWork[Given] | None = (
-        None  # execution in the scene before the measurement, in progress
-    )
+    given: Fork[Given] | None = None  # execution in the scene before the measurement, in progress
     reel: Reel | None = None  # film that is being rendered
 
     def carry_out_all(self, run: Run) -> Run:

@@ -37,7 +37,7 @@ from palpate.estimation.load_equations import (
 from palpate.estimation.motion import STEADY, mean_pose
 from palpate.estimation.segments import Segment, Weighing
 from palpate.estimation.wrench_observation import TORQUE_LEVER, gain_root
-from palpate.mjcf.inertial import composite_inertia
+from palpate.mjcf.inertial import total_inertia
 from palpate.scene.scene import Scene
 from palpate.trace.recording import NominalHand, Recording
 from palpate.trace.samples import Trace
@@ -155,7 +155,7 @@ def lever_of(
     # Without an estimate: MuJoCo's centre, with a share of the body's size as deviation.
     if centre is None:
         spread = COM_PRIOR * np.maximum(body.size, 1e-3)
-        inferred = composite_inertia(scene.spec().compile(), name).com
+        inferred = total_inertia(scene.spec().compile(), name).com
         centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
     # Horizontal offset from TCP to centre of mass, and its covariance by linear propagation.
     offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value

@@ -25,7 +25,7 @@ from palpate.runs.tasks import JOINT_TASKS, TASKS, Task, Tasks, World, joint_tri
 from palpate.runs.trial import Values, trial_of
 from palpate.scene.scene import Scene
 from palpate.twin.inject import part_names, stated_parameter, values_to_write
-from palpate.twin.twin import select_twin_estimates
+from palpate.twin.twin import twin_estimates
 
 DRAWS = 20  # Count of worlds drawn from the twin's intervals
 TRIES = 5  # Attempts for each draw, on average. A draw that no body can have is repeated.
@@ -135,9 +135,7 @@ def prove(
     """
     # Find the objects and fixtures on which a measured value acts.
     named = partial(stated_parameter, quantities=scene.catalogue)
-    stated = [
-        replace(each, parameter=named(each.parameter)) for each in select_twin_estimates(estimates)
-    ]
+    stated = [replace(each, parameter=named(each.parameter)) for each in twin_estimates(estimates)]
     values, _ = values_to_write(scene, stated, {estimate.parameter for estimate in stated})
     objects = [name for name in scene.objects if _acts_on(scene, name, values)]
     fixtures = [name for name in scene.fixtures if _acts_on(scene, name, values)]

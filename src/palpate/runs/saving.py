@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.files import writing
-from palpate.common.processes import BackgroundWork
+from palpate.common.processes import Fork
 from palpate.execution.cell import Cell
 from palpate.runs.building import Given
 from palpate.runs.estimating import add_views
@@ -36,7 +36,7 @@ def folder_for(settings: Settings) -> Path:
 
 
 def film_while_moving(
-    run: Run, cell: Cell, given: BackgroundWork[Given] | None
+    run: Run, cell: Cell, given: Fork[Given] | None
 ) -> AbstractContextManager[Reel | None]:
     """Render the film of the execution while the arm moves; None if there is no film.
 

@@ -211,10 +211,7 @@ class Settings:
                 wrong = error.errors()[0]["msg"].replace(
                     "a valid tuple", "a text, or a list of texts"
                 )
-                options = {
-                    declared.name: f". {declared.option.help}"
-                    for declared in iter_options(Settings)
-                }
+                options = {field.name: f". {field.option.help}" for field in iter_options(Settings)}
                 shown = f"{name}=: {wrong}, not {str(given)[:60]}{options.get(name, '')}"
                 raise InputError(shown) from None
 

@@ -239,19 +239,17 @@ def hold_foot(world: PhysicsTrial) -> Generator[None]:
     """
     # Change friction, priority and cone of the object's geoms, and restore them afterwards.
     model, cone = world.model, world.model.opt.cone
-    geoms = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
-    saved = {
-        name: getattr(model, name)[geoms].copy() for name in ("geom_friction", "geom_priority")
-    }
-    model.geom_friction[geoms, 0] = GRIP
-    model.geom_priority[geoms] = model.geom_priority.max() + 1
+    feet = np.flatnonzero(model.body_rootid[model.geom_bodyid] == world.body)
+    saved = {name: getattr(model, name)[feet].copy() for name in ("geom_friction", "geom_priority")}
+    model.geom_friction[feet, 0] = GRIP
+    model.geom_priority[feet] = model.geom_priority.max() + 1
     model.opt.cone = int(mujoco.mjtCone.mjCONE_ELLIPTIC)
     try:
         yield
     finally:
         model.opt.cone = cone
         for name, values in saved.items():
-            getattr(model, name)[geoms] = values
+            getattr(model, name)[feet] = values
 
 
 # Tasks with a drawer or a door: coast to an opening, open steadily.

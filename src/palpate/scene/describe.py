@@ -192,7 +192,7 @@ def describe(
     shapes = compile_shapes(document, roles, [*edits, *placed])
     bodies = _describe_bodies(roles, shapes, poses)
     # Lower hanging objects, and compile again if any pose changed.
-    lowered = dict(lower_floating(bodies, shapes)) if settled else {}
+    lowered = dict(drop_bodies(bodies, shapes)) if settled else {}
     if lowered:
         placed = (*placed, *lowered.values())
         shapes = compile_shapes(document, roles, [*edits, *placed])
@@ -323,7 +323,7 @@ def _format_numbers(values: Array) -> dict[int, str]:
     return {i: repr(value) for i, value in enumerate(values.tolist())}
 
 
-def lower_floating(
+def drop_bodies(
     bodies: Mapping[str, BodyDescription], shapes: Shapes
 ) -> Iterator[tuple[str, Edit]]:
     """Yield the changes, by name, that lower objects onto a support of known height.

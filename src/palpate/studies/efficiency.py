@@ -143,15 +143,13 @@ def efficiency(
     names: Iterable[str], noise: str = DEFAULT_LEVEL, seed: int = 0
 ) -> list[PlannerComparison]:
     """Run both planners on each scenario."""
-    comparisons: list[PlannerComparison] = []
+    rows: list[PlannerComparison] = []
     for name in names:
         # The same scenario and seed, by both planners.
         intent = scenario(name).settings(noise=noise)
         exhaustive = replace(intent, planner="exhaustive")
-        comparisons.append(
-            PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed))
-        )
-    return comparisons
+        rows.append(PlannerComparison(name, run_seed(exhaustive, seed), run_seed(intent, seed)))
+    return rows
 
 
 def plot(rows: Sequence[PlannerComparison]) -> str:

@@ -38,7 +38,7 @@ from palpate.twin.export_urdf import write_urdf
 from palpate.twin.export_usd import iter_left_out, require_usd, write_usd
 from palpate.twin.files import pack
 from palpate.twin.randomisation import write_randomisation
-from palpate.twin.twin import Twin, select_twin_estimates
+from palpate.twin.twin import Twin, twin_estimates
 
 Format = Literal["mjcf", "urdf", "usd", "randomisation"]
 FORMATS: tuple[Format, ...] = get_args(Format)
@@ -154,9 +154,7 @@ def export_twin(
         if check:
             raise InputError("ranges are no model: a check is for mjcf, urdf and usd")
         written = [
-            each
-            for each in select_twin_estimates(estimates)
-            if each.parameter not in twin.unwritten
+            each for each in twin_estimates(estimates) if each.parameter not in twin.unwritten
         ]
         file, notes = write_randomisation(written, folder)
         return Export(chosen, file, tuple(each.parameter for each in written), (), tuple(notes))
@@ -230,10 +228,8 @@ def with_names(document: Document, description: Description) -> Texts:
         tag = scan(texts[place.file])[place.number]
         if tag.name == "body" and "name" not in tag.attributes and not copied and not attached:
             changes.setdefault(place.file, []).append(set_attribute(tag, "name", name))
-    renamed = {file: apply_changes(texts[file], named) for file, named in changes.items()}
-    return Texts(
-        renamed.pop(None), {file: text for file, text in renamed.items() if file is not None}
-    )
+    parts = {file: apply_changes(texts[file], named) for file, named in changes.items()}
+    return Texts(parts.pop(None), {file: text for file, text in parts.items() if file is not None})
 
 
 def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:

@@ -233,7 +233,7 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
 
     Bodies that are rigidly connected count as one, since some readers merge them.
     """
-    runs, quantities = result["runs"], dict[str, dict[str, Any]]()
+    runs, values = result["runs"], dict[str, dict[str, Any]]()
     bodies = result["bodies"]
     parts: dict[str, list[str]] = {}
     for body in np.flatnonzero(model.body_weldid > 0).tolist():
@@ -243,7 +243,7 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
             parts.setdefault(short(whole), []).append(name)
     wholes = {name: merge([bodies[part] for part in of]) for name, of in parts.items()}
     for quantity in ("mass", "com", "inertia"):
-        quantities[quantity] = {
+        values[quantity] = {
             n: whole[quantity] for n, whole in wholes.items() if whole["mass"] > 0.0
         }
     free = [short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)]
@@ -258,19 +258,19 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
         }
 
     rest = centres_after("rest")
-    quantities["pose"] = {n: at for n, at in rest.items() if not n.startswith(PROBE)}
+    values["pose"] = {n: at for n, at in rest.items() if not n.startswith(PROBE)}
     # A ball sinks into a soft surface by its own weight: its depth counts from the first touch.
     before = {n: wholes[n]["com"] if n.startswith(PROBE) else at for n, at in rest.items()}
-    for quantity, counted in (("slide", quantities["pose"]), ("press", before)):
+    for quantity, counted in (("slide", values["pose"]), ("press", before)):
         if quantity in runs:
             after = centres_after(quantity).items()
-            quantities[quantity] = {n: at - before[n] for n, at in after if n in counted}
+            values[quantity] = {n: at - before[n] for n, at in after if n in counted}
     if "swing" in runs:
         # A joint without a name in the source cannot be found elsewhere.
         still = runs["rest"]["joints"]
         swung = runs["swing"]["joints"].items()
-        quantities["swing"] = {n: np.array([angle - still[n]]) for n, angle in swung if n}
-    return quantities
+        values["swing"] = {n: np.array([angle - still[n]]) for n, angle in swung if n}
+    return values
 
 
 def merge(parts: Sequence[Mapping[str, Any]]) -> dict[str, Any]:

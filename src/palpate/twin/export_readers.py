@@ -497,11 +497,9 @@ class Pinocchio(Reader):
             # The first body frame of a joint is its link; others are fixed to it.
             j = frame.parentJoint
             if frame.type == pin.FrameType.BODY and j and frame.placement.isIdentity(1e-9):
-                pose, inertia = data.oMi[j], model.inertias[j]
-                com = pose.act(inertia.lever)
-                bodies.setdefault(
-                    frame.name, facts(inertia.mass, com, pose.rotation, inertia.inertia)
-                )
+                pose, body = data.oMi[j], model.inertias[j]
+                com = pose.act(body.lever)
+                bodies.setdefault(frame.name, facts(body.mass, com, pose.rotation, body.inertia))
         return bodies
 
     def reset(self) -> None:

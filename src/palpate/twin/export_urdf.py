@@ -202,11 +202,11 @@ def pair_frictions(model: mujoco.MjModel) -> Array:
         # MuJoCo has combined the friction of the contact already.
         acting = float(found_contacts.friction[i, 0]) * (found_contacts.dim[i] > 1)
         own, support = geoms[::-1] if fixed[0] else geoms
-        support_friction = max(float(model.geom_friction[support, 0]), 1e-3)
+        other = max(float(model.geom_friction[support, 0]), 1e-3)
         # Solve both rules for the own friction; the harmonic mean is below 2 b.
         frictions[own] = (
-            acting * support_friction / max(2.0 * support_friction - acting, 1e-3),
-            acting / support_friction,
+            acting * other / max(2.0 * other - acting, 1e-3),
+            acting / other,
         )
     return frictions
 

@@ -102,11 +102,9 @@ def state_physics(file: Path, model: mujoco.MjModel, static: Mapping[str, float]
     # The converter must have kept every mass.
     kept = {name_of(p): physics.MassAPI(p).GetMassAttr().Get() for p in stage.Traverse()}
     for body in range(1, model.nbody):
-        mass, stated_mass = float(model.body_mass[body]), kept.get(model.body(body).name)
-        if mass and not np.isclose(stated_mass or 0.0, mass, rtol=1e-5):
-            raise ValueError(
-                f"the mass of '{model.body(body).name}' is {stated_mass}, not {mass:.8g} kg"
-            )
+        mass, given = float(model.body_mass[body]), kept.get(model.body(body).name)
+        if mass and not np.isclose(given or 0.0, mass, rtol=1e-5):
+            raise ValueError(f"the mass of '{model.body(body).name}' is {given}, not {mass:.8g} kg")
     stage.GetRootLayer().Save()
 
 

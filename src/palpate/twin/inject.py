@@ -68,9 +68,7 @@ def inject(
 
 def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
     """List the `?` attributes that must be filled before MuJoCo reads the file, in document order."""
-    return list_marked_unknown(
-        describe(parse_document(text, folder), Poses(), catalogue()), catalogue()
-    )
+    return list_unknowns(describe(parse_document(text, folder), Poses(), catalogue()), catalogue())
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,7 +105,7 @@ def complete(
     description = resolved.description
     if description.placed:
         description = describe(resolved.document, Poses(), quantities)
-    marked = list_marked_unknown(description, quantities)
+    marked = list_unknowns(description, quantities)
     # Test each value against the others, then all of them as MuJoCo reads them back.
     reasons: dict[Parameter, str] = {}
     for parameter in values:
@@ -182,7 +180,7 @@ def values_to_write(
     return values, notes
 
 
-def list_marked_unknown(description: Description, quantities: Catalogue) -> list[Parameter]:
+def list_unknowns(description: Description, quantities: Catalogue) -> list[Parameter]:
     """List the missing parameters written as `?`, without which the file does not compile."""
     parameters: list[Parameter] = []
     for body in description.bodies.values():
@@ -275,7 +273,7 @@ def remove_leftovers(
     # Find the attributes that stay unknown.
     answered = {(edit.element, edit.attribute) for edit in edits if isinstance(edit, Edit)}
     needed: set[str] = set()
-    for parameter in list_marked_unknown(description, quantities):
+    for parameter in list_unknowns(description, quantities):
         if parameter not in values:
             body = description.bodies[parameter.object]
             for slot in quantities[parameter.quantity].slots(body.elements):

@@ -126,7 +126,7 @@ def build_twin(
     remark.
     """
     # Write the values, and note the contradicted and the uncertain ones.
-    written = [*select_twin_estimates(estimates), *on_the_way]
+    written = [*twin_estimates(estimates), *on_the_way]
     completed = complete(scene, written, {estimate.parameter for estimate in estimates})
     notes: list[str] = []
     for estimate in estimates:
@@ -207,7 +207,7 @@ def read_twin(
     Raises:
         InputError: the MJCF does not belong to the scene.
     """
-    written = select_twin_estimates(estimates)
+    written = twin_estimates(estimates)
     document = scene.resolved.document
     texts = Texts(xml)
     # A run's folder has all files under other names: make the user's own ones again.
@@ -222,7 +222,7 @@ def read_twin(
     return Twin(xml, diff, tuple(notes), validation, read, tuple(unwritten), document, texts)
 
 
-def select_twin_estimates(estimates: Sequence[Estimate]) -> list[Estimate]:
+def twin_estimates(estimates: Sequence[Estimate]) -> list[Estimate]:
     """Select the estimates that the twin holds, limited to physically possible values."""
     return [e.physical for e in estimates if e.verdict in ("identified", "prior-dominated")]
 

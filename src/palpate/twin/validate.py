@@ -57,13 +57,11 @@ def press_notes(twin: Scene, estimates: Sequence[Estimate]) -> Iterator[str]:
         if not presses:
             continue
         # Word the presses: as measured, or with the interval that they miss.
-        forces = ", ".join(f"{press.force:.2g}" for press in presses)
-        depths = ", ".join(f"{1e3 * press.depth:.3g}" for press in presses)
+        forces = ", ".join(f"{p.force:.2g}" for p in presses)
+        depths = ", ".join(f"{1e3 * p.depth:.3g}" for p in presses)
         text = f"{name} under the fingertips with {forces} N yields by {depths} mm in the twin"
-        if not all(press.agrees for press in presses):
-            wanted = ", ".join(
-                f"{1e3 * press.low:.3g} to {1e3 * press.high:.3g}" for press in presses
-            )
+        if not all(p.agrees for p in presses):
+            wanted = ", ".join(f"{1e3 * p.low:.3g} to {1e3 * p.high:.3g}" for p in presses)
             yield f"{text}, where {wanted} mm were measured: its shapes or other contacts prevent it"
             continue
         yield (
@@ -225,10 +223,10 @@ def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
         replayed = replay()
     except PalpateError as error:
         return ReplayResidual(None, None, str(error))
-    count, wanted = len(replayed), len(recorded.recordings)
-    if count < wanted:
+    kept, wanted = len(replayed), len(recorded.recordings)
+    if kept < wanted:
         return ReplayResidual(
-            None, None, f"the replay stopped after {count} of {wanted} recordings"
+            None, None, f"the replay stopped after {kept} of {wanted} recordings"
         )
     return compare(recorded, replayed)
 
@@ -237,10 +235,8 @@ def compare(recorded: Trace, replayed: Felt) -> ReplayResidual:
     """Residual between a trace and a replay of the same plan, recording by recording."""
     # Root mean squares, separately for forces and positions.
     buffers = np.array([recording.buffer for recording in recorded.recordings])
-    difference = np.reshape(
-        np.subtract(mean_recordings(recorded), replayed[: len(buffers)]), (-1, 3)
-    )
-    return ReplayResidual(rms(difference[buffers == FORCES]), rms(difference[buffers != FORCES]))
+    offsets = np.reshape(np.subtract(mean_recordings(recorded), replayed[: len(buffers)]), (-1, 3))
+    return ReplayResidual(rms(offsets[buffers == FORCES]), rms(offsets[buffers != FORCES]))
 
 
 def mean_recordings(trace: Trace) -> Felt:

@@ -7,7 +7,7 @@ from typing import Any, cast
 
 import pytest
 
-from palpate.common.processes import BackgroundWork
+from palpate.common.processes import Fork
 from palpate.perception.film import Film
 from palpate.runs.report import writing
 from palpate.runs.report.data import Pictures
@@ -21,14 +21,14 @@ def test_a_process_that_has_drawn_makes_film_and_pictures_itself(
 ) -> None:
     copies: list[bool] = []
 
-    class Noted(BackgroundWork[Any]):
+    class Noted(Fork[Any]):
         """Work in this process, with a note of where it was wanted."""
 
         def __init__(self, work: Callable[[], Any], copied: bool = True) -> None:
             copies.append(copied)
             super().__init__(work, copied=False)
 
-    monkeypatch.setattr(writing, "BackgroundWork", Noted)
+    monkeypatch.setattr(writing, "Fork", Noted)
     monkeypatch.setattr(writing, "gl_available", lambda: (True, "egl"))
     monkeypatch.setattr(writing.Painter, "used", drawn)
     monkeypatch.setattr(writing, "take_film", lambda _: Film(b"film", 1.0))

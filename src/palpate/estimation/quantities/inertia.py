@@ -47,10 +47,10 @@ from palpate.mjcf.elements import Elements
 from palpate.mjcf.inertial import (
     Statement,
     com_of,
-    composite_inertia,
     inertia_for,
     inertia_is_open,
     mass_of,
+    total_inertia,
 )
 from palpate.trace.samples import FORCES, Trace
 
@@ -107,7 +107,7 @@ class Inertia(Quantity):
         return "missing" if inertia_is_open(body.elements.inertial) else "known"
 
     def compiled(self, body: BodyDescription) -> tuple[float, ...]:
-        return tuple(components(composite_inertia(body.shapes.model, body.name).tensor))
+        return tuple(components(total_inertia(body.shapes.model, body.name).tensor))
 
     def overruled(self, body: BodyDescription) -> str:
         return find_constraint(body)

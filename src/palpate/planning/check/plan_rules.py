@@ -25,12 +25,8 @@ def unknown_parameter(case: CheckedPlan) -> Iterator[Fault]:
     for path, parameter in case.iter_parameters():
         if parameter.quantity not in catalogue():
             # A synonym in a request ("weight") is a better guess than a similar spelling.
-            intended = catalogue().meant(parameter.quantity)
-            guess = (
-                f" did you mean '{intended}'?"
-                if intended
-                else perhaps(parameter.quantity, catalogue())
-            )
+            near = catalogue().meant(parameter.quantity)
+            guess = f" did you mean '{near}'?" if near else perhaps(parameter.quantity, catalogue())
             valid = ", ".join(catalogue())
             yield path, f"'{parameter.quantity[:80]}' is not a quantity;{guess} valid: {valid}"
         elif not case.exists(parameter):
@@ -180,21 +176,17 @@ def argument_problems(
     fields = case.words.primitives[name].model_fields
     takes = ", ".join(f"'{field}' ({info.description})" for field, info in fields.items())
     every = error.errors(include_url=False)
-    problems = [problem for problem in every if reported.isdisjoint(map(str, problem["loc"][:1]))][
-        :3
-    ]
-    lacking = [str(problem["loc"][0]) for problem in problems if problem["type"] == "missing"]
+    problems = [p for p in every if reported.isdisjoint(map(str, p["loc"][:1]))][:3]
+    lacking = [str(p["loc"][0]) for p in problems if p["type"] == "missing"]
     # One undeclared argument and one missing: most likely the name is misspelt.
-    misspelt = len(lacking) == 1 and any(
-        problem["type"] == "extra_forbidden" for problem in problems
-    )
-    for problem in problems:
-        if misspelt and problem["type"] == "missing":
+    misspelt = len(lacking) == 1 and any(p["type"] == "extra_forbidden" for p in problems)
+    for p in problems:
+        if misspelt and p["type"] == "missing":
             continue
-        where = ".".join(str(part) for part in problem["loc"])[:60]
-        extra = misspelt and problem["type"] == "extra_forbidden"
+        where = ".".join(str(part) for part in p["loc"])[:60]
+        extra = misspelt and p["type"] == "extra_forbidden"
         guess = f"; did you mean '{lacking[0]}'?" if extra else ""
-        yield f"{name}: '{where}': {problem['msg']}{guess}; it takes {takes or 'no arguments'}"
+        yield f"{name}: '{where}': {p['msg']}{guess}; it takes {takes or 'no arguments'}"
 
 
 def leaf_children(case: CheckedPlan) -> Iterator[Fault]:

@@ -222,12 +222,10 @@ class Walk:
         else:
             violations = primitive.violations(before)
         # Suppress findings that only follow from earlier ones.
-        reported = [
-            violation for violation in violations if not self._follows(primitive, violation)
-        ]
-        for violation in offer_remedies(primitive, before, reported):
-            self.findings.append(Finding(path, violation.rule, violation.message))
-        return {violation.rule for violation in violations}
+        reported = [v for v in violations if not self._follows(primitive, v)]
+        for v in offer_remedies(primitive, before, reported):
+            self.findings.append(Finding(path, v.rule, v.message))
+        return {v.rule for v in violations}
 
     def _follows(self, primitive: Primitive, violation: Violation) -> bool:
         """True if a violation may follow from an earlier fault; it is not reported then."""

@@ -422,15 +422,11 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     own = fields_of(types().get(plain(node.get("type"))))
     # Move wrapped arguments to the level of the type, unless names collide.
     for box in BOXES:
-        content: object = node.get(box)
-        if (
-            isinstance(content, list)
-            and box not in own
-            and len(cast("list[Any]", content)) <= len(own)
-        ):
-            content = dict(zip(own, cast("list[Any]", content), strict=False))
-        if isinstance(content, dict) and box not in own:
-            inner = lower_keys(cast("dict[str, Any]", content))
+        boxed: object = node.get(box)
+        if isinstance(boxed, list) and box not in own and len(cast("list[Any]", boxed)) <= len(own):
+            boxed = dict(zip(own, cast("list[Any]", boxed), strict=False))
+        if isinstance(boxed, dict) and box not in own:
+            inner = lower_keys(cast("dict[str, Any]", boxed))
             if not inner.keys() & node.keys():
                 del node[box]
                 node |= inner

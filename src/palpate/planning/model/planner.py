@@ -172,16 +172,11 @@ class VlmPlanner:
             if self.measure is not None or (request is None and reads_request):
                 wanted = requested_parameters(None, scene, self.remeasure, self.measure)
         # Rehearse in physics only a plan that passes the check.
-        findings = check(plan, scene, remeasure=self.remeasure, requested=wanted)
-        if (
-            not findings
-            and plan.tree is not None
-            and scene is not None
-            and self.rehearse is not None
-        ):
+        faults = check(plan, scene, remeasure=self.remeasure, requested=wanted)
+        if not faults and plan.tree is not None and scene is not None and self.rehearse is not None:
             harm = self.rehearse(plan, scene)
-            findings = () if harm is None else (harm,)
-        return digest(findings)
+            faults = () if harm is None else (harm,)
+        return digest(faults)
 
     def question(self, plan: Plan, scene: Scene | None, request: str | None) -> str | None:
         """Return a question about a plan that lacks parameters requested by the grammar's reading.

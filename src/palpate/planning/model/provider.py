@@ -305,9 +305,7 @@ def _joined_events(body: bytes) -> dict[str, Any]:
     events: list[Any] = [json.loads(line) for line in lines if line and line != b"[DONE]"]
     if any("error" in event for event in events):
         return next(event for event in events if "error" in event)
-    parts: list[dict[str, Any]] = [
-        choice for event in events for choice in event.get("choices", ())[:1]
-    ]
+    parts: list[dict[str, Any]] = [c for event in events for c in event.get("choices", ())[:1]]
     deltas: list[dict[str, Any]] = [part.get("delta") or {} for part in parts]
     text = "".join(delta.get("content") or "" for delta in deltas)
     finish = next((part["finish_reason"] for part in parts if part.get("finish_reason")), "stop")

@@ -112,13 +112,11 @@ def objects_of(sentence: str, scene: Scene) -> tuple[str, ...]:
 def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
     """Return the objects of "the mass of (phrase)"; empty if the phrase requests anything else."""
     try:
-        grounded = ground(f"the {id} of {phrase}", scene)
+        answer = ground(f"the {id} of {phrase}", scene)
     except (InputError, PlanRejected):
         return ()
-    plain = not (grounded.remarks or grounded.cannot) and all(
-        p.quantity == id for p in grounded.asked
-    )
-    return tuple(dict.fromkeys(parameter.object for parameter in grounded.asked)) if plain else ()
+    plain = not (answer.remarks or answer.cannot) and all(p.quantity == id for p in answer.asked)
+    return tuple(dict.fromkeys(parameter.object for parameter in answer.asked)) if plain else ()
 
 
 # Effort beyond the minimum: slow passes between grasp and lift, and repeated cycles of grasp, lift

@@ -152,11 +152,9 @@ class ExhaustivePlanner:
             assembled.tree,
             "Every surface is probed, every object weighed and slid, known, requested or not.",
             self.name,
-            tuple(item.reason for item in assembled.failed),
+            tuple(p.reason for p in assembled.failed),
             unmeasured=tuple(
-                item
-                for item in assembled.failed
-                if not set(scene.missing).isdisjoint(item.parameters)
+                p for p in assembled.failed if not set(scene.missing).isdisjoint(p.parameters)
             ),
         )
 
@@ -380,14 +378,14 @@ def spoken(parameters: Sequence[Parameter]) -> str:
     return f"The {listed} of '{parameters[0].object}'"
 
 
-def explanation(assembled: Assembled) -> list[str]:
+def explanation(plan: Assembled) -> list[str]:
     """Explain a plan in sentences: parameters, one method per quantity, and the objects carried away."""
-    if assembled.tree is None:
+    if plan.tree is None:
         return []
-    sentences = [f"Measured: {', '.join(str(wanted) for wanted in assembled.measured)}."]
+    sentences = [f"Measured: {', '.join(str(wanted) for wanted in plan.measured)}."]
     # One sentence per quantity, with all its objects.
     objects: dict[str, list[str]] = {}
-    for parameter in assembled.measured:
+    for parameter in plan.measured:
         objects.setdefault(parameter.quantity, []).append(f"'{parameter.object}'")
     for id, names in objects.items():
         quantity = catalogue()[id]
@@ -396,15 +394,13 @@ def explanation(assembled: Assembled) -> list[str]:
             how = f"{quantity.how}, and the value is derived from the recordings"
         sentences.append(f"{quantity.label.capitalize()} of {', '.join(names)}: {how}.")
     # One sentence per object that is carried to a temporary place or grasped at its balance point.
-    for name in visited_objects(assembled.tree, TEMPORARY):
-        slides = any(
-            visited_objects(assembled.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS
-        )
+    for name in visited_objects(plan.tree, TEMPORARY):
+        slides = any(visited_objects(plan.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
         why = "is on several surfaces and slides on one" if slides else "is in the way"
         sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
-    for name in visited_objects(assembled.tree, BALANCE):
+    for name in visited_objects(plan.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last at the balance point that the run estimates.")
-    return [*sentences, *assembled.omitted, "All objects are put back."]
+    return [*sentences, *plan.omitted, "All objects are put back."]
 
 
 def visited_objects(tree: Node, ending: str, start: str = "") -> Mapping[str, None]:

@@ -18,7 +18,7 @@ import numpy as np
 from palpate.common.outline import Convex
 from palpate.common.pose import Array, Frames, Pose
 from palpate.mjcf.compile import compile_model
-from palpate.mjcf.inertial import composite_inertia
+from palpate.mjcf.inertial import total_inertia
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import PREFIX, RobotDescription
 from palpate.robots.kinematics import (
@@ -167,7 +167,7 @@ class Solids:
 
     def centre_of_mass(self, name: str) -> Array:
         """(3,) m, believed centre of mass of an object, in its frame."""
-        return self.get_or_compute(("com", name), lambda: composite_inertia(self.model, name).com)
+        return self.get_or_compute(("com", name), lambda: total_inertia(self.model, name).com)
 
     def mass(self, name: str) -> float:
         """Believed mass of an object, kg."""

@@ -174,7 +174,7 @@ def merge_findings(under: RobotConfig, session: CalibrationSession) -> RobotConf
 
 def compare_figures(start: RobotDescription, end: RobotDescription) -> list[CalibratedFigure]:
     """Compare each measured figure with its value before the calibration."""
-    old, new, figures = start.config, end.config, list[CalibratedFigure]()
+    old, new, rows = start.config, end.config, list[CalibratedFigure]()
     assert new is not None
     first, last = start.nominal, end.nominal
 
@@ -188,7 +188,7 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
     if gains is not None and is_new("torque_gain"):
         pairs = zip(gain_values(start), gain_values(end), strict=True)
         for joint, (before, after) in enumerate(pairs, 1):
-            figures.append(
+            rows.append(
                 CalibratedFigure(f"torque_gain {joint}", "1", before, after, gains.by or "")
             )
     if lean is not None and is_new("base_lean"):
@@ -199,14 +199,12 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
         for i, axis in enumerate("xy"):
             after = float(lean.value[i]), float(lean.std[i])
             before = values[i], stds[i]
-            figures.append(
-                CalibratedFigure(f"base_lean {axis}", "rad", before, after, lean.by or "")
-            )
+            rows.append(CalibratedFigure(f"base_lean {axis}", "rad", before, after, lean.by or ""))
     for name, unit in (("pose_repeatability", "m"), ("tip_offset", "m"), ("tip_compliance", "m/N")):
         if is_new(name):
             before, after = (value_and_std(hand, name) for hand in (first, last))
-            figures.append(CalibratedFigure(name, unit, before, after, getattr(new, name).by or ""))
-    return figures
+            rows.append(CalibratedFigure(name, unit, before, after, getattr(new, name).by or ""))
+    return rows
 
 
 def compare_camera(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:

@@ -81,12 +81,10 @@ def outline(lines: Iterable[TreeLine]) -> str:
         # Use a hanging indent: wrapped text begins below the name, not below the mark.
         indent = f"padding-left: {1.2 * line.depth + 1.4:.1f}em; text-indent: -1.4em"
         weight = "font-weight: 600" if line.status == "RUNNING" else ""
-        message = (
-            f' <span style="color: #858b92">{_text(line.message)}</span>' if line.message else ""
-        )
+        note = f' <span style="color: #858b92">{_text(line.message)}</span>' if line.message else ""
         rows += (
             f'<div style="{indent}; {weight}"><span style="color: {colour}">{mark}</span> '
-            f"{_text(line.text)}{message}</div>"
+            f"{_text(line.text)}{note}</div>"
         )
     return f'<div style="{_TREE}">{rows}</div>'
 

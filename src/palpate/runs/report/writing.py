@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from palpate.common.processes import BackgroundWork
+from palpate.common.processes import Fork
 from palpate.perception.dress import looks_in
 from palpate.perception.film import Film, Reel, film_of, film_speed
 from palpate.perception.renderer import Painter, gl_available, png
@@ -105,12 +105,12 @@ class Darkroom:
         film = None
         if reel is not None and run.footage is not None:
             film = reel.finish(run.footage, run.trace)
-        self.film = film or BackgroundWork(lambda: take_film(run), self._copied)
-        self._stills: BackgroundWork[Pictures] | None = None
+        self.film = film or Fork(lambda: take_film(run), self._copied)
+        self._stills: Fork[Pictures] | None = None
 
     def begin_stills(self, run: Run) -> None:
         """Start the pictures of a run whose twin is built."""
-        self._stills = BackgroundWork(lambda: take_stills(run, Pictures()), self._copied)
+        self._stills = Fork(lambda: take_stills(run, Pictures()), self._copied)
 
     def stills(self, run: Run, taken: Pictures) -> Pictures:
         """Wait for the pictures."""
