@@ -51,15 +51,13 @@ def estimate(
         str | None, _of_log("--object", "NAME", "Name of the load, in the scene if one is given.")
     ] = None,
     in_hand: Annotated[
-        str | None,
-        _of_log("--in-hand", "'X Y Z QW QX QY QZ'", "Pose of the object in the hand."),
+        str | None, _of_log("--in-hand", "'X Y Z QW QX QY QZ'", "Pose of the object in the hand.")
     ] = None,
     columns: Annotated[
         Path | None, _of_log("--columns", "MAP.yaml", "Which columns of the recording are what.")
     ] = None,
     how: Annotated[
-        bool,
-        _of_log("--how", None, "Say what to record, and write a motion that excites a load."),
+        bool, _of_log("--how", None, "Say what to record, and write a motion that excites a load.")
     ] = False,
     out: Annotated[
         Path | None,
@@ -254,8 +252,7 @@ def export(
         typer.Option("--out", metavar="DIR", help="Folder to make (default: RUN/export-FORMAT)."),
     ] = None,
     check: Annotated[
-        bool,
-        typer.Option("--check", help="Compare by experiments in every installed simulator."),
+        bool, typer.Option("--check", help="Compare by experiments in every installed simulator.")
     ] = False,
     as_json: AsJson = False,
 ) -> None:

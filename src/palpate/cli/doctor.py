@@ -39,10 +39,7 @@ PROVIDERS = {
 }
 
 # Optional packages: purpose and distribution.
-EXTRAS = {
-    "live": ("page for --live", "viser"),
-    "export": ("export to USD", "mujoco-usd-converter"),
-}
+EXTRAS = {"live": ("page for --live", "viser"), "export": ("export to USD", "mujoco-usd-converter")}
 
 
 class DoctorLine(NamedTuple):

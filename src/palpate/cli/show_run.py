@@ -129,7 +129,7 @@ def warn_of_drawn_truth(settings: Settings) -> None:
     if settings.world is None and settings.robot is None and settings.scene is not None:
         err.prose(
             "[bold yellow]simulated[/] without --robot or --world: values that the scene does not state are "
-            f"drawn at random (--seed {settings.seed}), then measured. No value below is of a real object.",
+            f"drawn at random (--seed {settings.seed}), then measured. No value below is of a real object."
         )
 
 
@@ -155,7 +155,7 @@ class ValuesFirst:
             # Explain the difference between live values and the table.
             if run.trace_if_any is not None and run.trace_if_any.conversions:
                 out.prose(
-                    "[dim]Final values use the whole recording; live values used the part recorded so far.[/]",
+                    "[dim]Final values use the whole recording; live values used the part recorded so far.[/]"
                 )
         self.shown = True
 
@@ -255,7 +255,7 @@ def _show_held_out(run: Run) -> None:
         worst = max(motion.rms for motion in agreeing)
         out.prose(
             f"[green]validation agrees[/] {len(agreeing)} held-out motions: predicted to "
-            f"{significant(1e3 * worst, 2)} mN·m or better",
+            f"{significant(1e3 * worst, 2)} mN·m or better"
         )
     # Print the others one by one.
     for motion in run.held_out.motions:

@@ -41,10 +41,7 @@ def show_estimates(
     """
     estimates = tuple(estimates)
     # One row for each component.
-    columns, rows = (
-        list(COLUMNS),
-        [row for e in estimates for row in estimate_rows(e)],
-    )
+    columns, rows = (list(COLUMNS), [row for e in estimates for row in estimate_rows(e)])
     if truth:
         columns.append(TableColumn("truth", style="dim"))
         trues = [cell for e in estimates for cell in _truth_cells(e, truth.get(e.parameter, ()))]

@@ -54,10 +54,7 @@ def show_seed_runs(runs: Mapping[str, Sequence[SeedRun]], title: str, as_json: b
         ended = ", ".join(f"{count} {status}" for status, count in _statuses(trials).items())
         shown.print(
             _summary_table(trials),
-            Text(
-                f"{ended}; {trials[0].actions} actions, {_robot_seconds(trials):.1f} s",
-                "dim",
-            ),
+            Text(f"{ended}; {trials[0].actions} actions, {_robot_seconds(trials):.1f} s", "dim"),
             sep="\n",
         )
 

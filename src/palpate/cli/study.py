@@ -104,9 +104,7 @@ class TrialOptions:
     prompt: Annotated[
         list[str] | None,
         typer.Option(
-            "--prompt",
-            metavar="full|lean",
-            help="System prompt, by default full; may be repeated.",
+            "--prompt", metavar="full|lean", help="System prompt, by default full; may be repeated."
         ),
     ] = None
 
@@ -236,8 +234,7 @@ def repeatability(
 
 
 app = typer.Typer(
-    no_args_is_help=True,
-    help="Run a study: accuracy, efficiency, ablation, repeatability.",
+    no_args_is_help=True, help="Run a study: accuracy, efficiency, ablation, repeatability."
 )
 for study in (accuracy, efficiency, ablation, repeatability):
     command(app)(study)

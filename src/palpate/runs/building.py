@@ -254,10 +254,7 @@ def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Gi
 
 
 def touch_twin(
-    run: Run,
-    planned_in: Scene,
-    callbacks: RunCallbacks = SILENT,
-    given: Fork[Given] | None = None,
+    run: Run, planned_in: Scene, callbacks: RunCallbacks = SILENT, given: Fork[Given] | None = None
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 

@@ -194,10 +194,7 @@ def reestimate(run: Run, choice: Mapping[str, str] | None = None) -> Run:
     scene = _measured_scene(run, trace)
     recorded = [e.parameter for e in run.estimates] if run.is_recorded else ()
     fresh = estimate_all(recorded or run.plan.parameters, trace, scene.bodies, choice or {})
-    annotated = (
-        *(_annotate(run, estimate) for estimate in fresh),
-        *_estimates_without_value(run),
-    )
+    annotated = (*(_annotate(run, estimate) for estimate in fresh), *_estimates_without_value(run))
     again = replace(run, recorded=trace, estimates=annotated, held_out=None, finished=None)
     return _validate(again, scene, choice)
 

@@ -49,11 +49,7 @@ def export_run(run: Run, to: str, folder: Path | None = None, check: bool = Fals
     if run.finished is None:
         raise InputError("this run has no twin to export: nothing was measured")
     folder = folder or (run.folder or Path()) / f"export-{chosen}"
-    with (
-        writing(folder),
-        new_folder(folder) as new,
-        tempfile.TemporaryDirectory() as scratch,
-    ):
+    with writing(folder), new_folder(folder) as new, tempfile.TemporaryDirectory() as scratch:
         export = export_twin(run.finished, run.estimates, chosen, new, Path(scratch), check)
         export = replace(export, file=folder / export.file.relative_to(new))
         write_json(new / "export.json", export_json(run, export))

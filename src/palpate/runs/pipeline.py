@@ -16,12 +16,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError
-from palpate.common.processes import (
-    Fork,
-    before_anything_moves,
-    interrupts,
-    release_memory,
-)
+from palpate.common.processes import Fork, before_anything_moves, interrupts, release_memory
 from palpate.execution.cell import Cell
 from palpate.planning.planner import Planner
 from palpate.primitives.base import Recorder
@@ -98,10 +93,7 @@ def prepare(
 
 
 def carry_out(
-    run: Run,
-    callbacks: RunCallbacks = SILENT,
-    cell: Cell | None = None,
-    folder: Path | None = None,
+    run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None, folder: Path | None = None
 ) -> Run:
     """Carry out a plan to a finished run, kept in `folder` while it grows, or only in memory.
 

@@ -88,8 +88,7 @@ class Settings:
         ),
     ] = None
     intrinsics: Annotated[
-        Path | None,
-        Option("YAML with the camera's lens: fx, fy, cx, cy, size, …", "FILE", "Scene"),
+        Path | None, Option("YAML with the camera's lens: fx, fy, cx, cy, size, …", "FILE", "Scene")
     ] = None
     pose_estimator: Annotated[
         str | None,
@@ -133,8 +132,7 @@ class Settings:
         ),
     ] = ()
     remeasure: Annotated[
-        bool,
-        Option("Measure requested quantities even if the scene states them.", None, "Planner"),
+        bool, Option("Measure requested quantities even if the scene states them.", None, "Planner")
     ] = False
     within: Annotated[
         Within,

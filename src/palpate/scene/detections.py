@@ -49,9 +49,7 @@ RIM = 0.03  # m, least margin of a plane around the objects on it
 FOOT = 0.20  # m, radius around the arm's foot: its base extends so far, and its hand stays outside
 
 
-def split_planes(
-    objects: Sequence[SceneObject],
-) -> tuple[list[SceneObject], list[SceneObject]]:
+def split_planes(objects: Sequence[SceneObject]) -> tuple[list[SceneObject], list[SceneObject]]:
     """Sort detections into planes and objects; an `InputError` without a plane, or for a name given twice."""
     for name, following in pairwise(sorted(item.name for item in objects)):
         if name == following:

@@ -23,11 +23,7 @@ from palpate.studies.summary import Group, Key, Runs, Scores, Summary, group_run
 AXES = "xyz"
 # Target ranges. A figure whose 95 % interval is outside is marked. Too high is only a warning: the
 # intervals are wider than necessary.
-TARGETS = {
-    "coverage95": (0.92, 0.98),
-    "coverage50": (0.42, 0.58),
-    "stated": plots.GOOD,
-}
+TARGETS = {"coverage95": (0.92, 0.98), "coverage50": (0.42, 0.58), "stated": plots.GOOD}
 REASONS = 4  # Largest count of listed reasons for components without a value
 
 

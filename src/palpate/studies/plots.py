@@ -29,11 +29,7 @@ GOOD = (0.8, 1.3)  # Target range of the ratio of stated standard deviation to a
 
 MARGIN = {"l": 52, "r": 12, "t": 10, "b": 42}
 # Layout of a large figure, with a legend above it.
-LARGE: Figure = {
-    "height": 420,
-    "showlegend": True,
-    "legend": LEGEND,
-}
+LARGE: Figure = {"height": 420, "showlegend": True, "legend": LEGEND}
 
 
 def errors(estimates: Sequence[ScoredEstimate], scale: float, unit: str) -> Figure:

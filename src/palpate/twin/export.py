@@ -27,12 +27,7 @@ from palpate.mjcf.reading import reparse
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.twin.export_check import SHOWN_BY, Finding, add_probes, check_export, require_readers
-from palpate.twin.export_facts import (
-    SCENE,
-    file_meshes,
-    ready,
-    state_inertia,
-)
+from palpate.twin.export_facts import SCENE, file_meshes, ready, state_inertia
 from palpate.twin.export_readers import bodies_of, read_spec
 from palpate.twin.export_urdf import write_urdf
 from palpate.twin.export_usd import iter_left_out, require_usd, write_usd

@@ -204,10 +204,7 @@ def pair_frictions(model: mujoco.MjModel) -> Array:
         own, support = geoms[::-1] if fixed[0] else geoms
         other = max(float(model.geom_friction[support, 0]), 1e-3)
         # Solve both rules for the own friction; the harmonic mean is below 2 b.
-        frictions[own] = (
-            acting * other / max(2.0 * other - acting, 1e-3),
-            acting / other,
-        )
+        frictions[own] = (acting * other / max(2.0 * other - acting, 1e-3), acting / other)
     return frictions
 
 

@@ -225,9 +225,7 @@ def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
         return ReplayResidual(None, None, str(error))
     kept, wanted = len(replayed), len(recorded.recordings)
     if kept < wanted:
-        return ReplayResidual(
-            None, None, f"the replay stopped after {kept} of {wanted} recordings"
-        )
+        return ReplayResidual(None, None, f"the replay stopped after {kept} of {wanted} recordings")
     return compare(recorded, replayed)
 
 

@@ -270,10 +270,7 @@ def redundant(case: CheckedPlan, walk: Walk) -> Iterator[Fault]:
             if parameter in measured and not case.repeated:
                 yield action.path, f"{parameter} is already measured; remove this"
             elif parameter not in case.plan.parameters and not case.is_unclear:
-                yield (
-                    action.path,
-                    f"this yields {parameter}, which is not a parameter; remove it",
-                )
+                yield (action.path, f"this yields {parameter}, which is not a parameter; remove it")
         measured.add(parameter)
     # Recordings that serve no parameter. A slide with a finding is skipped: it will change.
     for action in unused_recordings(case, walk):

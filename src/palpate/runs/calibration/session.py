@@ -121,11 +121,7 @@ class CalibrationSession:
         return tuple(finding for finding in findings if finding.rule != "redundant")
 
     def perform(
-        self,
-        scene: Scene,
-        plan: Plan,
-        world: Scene | None = None,
-        observer: Observer | None = None,
+        self, scene: Scene, plan: Plan, world: Scene | None = None, observer: Observer | None = None
     ) -> Trace:
         """Execute a plan in `scene` and return its trace.
 
