@@ -128,7 +128,7 @@ def test_the_command_line_stands_on_the_front_door(name: str) -> None:
 @pytest.mark.parametrize(
     "of", ["estimation", "primitives", "planning", "trace", "scene", "robots.franky"]
 )
-def test_nobody_who_judges_measurements_knows_of_simulated_robots(of: str) -> None:
+def test_estimation_imports_no_simulated_robots(of: str) -> None:
     """What a world hides cannot leak into what is not imported. A real robot needs no simulated one."""
     for name in modules():
         if is_part(name, f"palpate.{of}") and not is_part(name, "palpate.estimation.logs"):

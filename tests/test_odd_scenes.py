@@ -81,7 +81,7 @@ LONG = ("on the moon", "with a keyframe", "on another object", "of two geoms")
 
 
 @pytest.mark.parametrize("name", mark_long(MEASURED, lambda name: name in LONG))
-def test_is_measured(name: str, tmp_path: Path) -> None:
+def test_every_odd_scene_is_measured(name: str, tmp_path: Path) -> None:
     scene = write(tmp_path, **MEASURED[name])
     run = run_seed(Settings(scene=scene, noise="none"), 1)
     assert run.status == "complete"
@@ -103,7 +103,7 @@ def test_a_table_of_unknown_height_and_what_stands_on_it(at: str, tmp_path: Path
 
 
 @pytest.mark.parametrize("bodies", [(), (TABLE,)], ids=["empty", "only a table"])
-def test_where_nothing_is_missing_nothing_moves(bodies: tuple[str, ...], tmp_path: Path) -> None:
+def test_a_complete_scene_causes_no_motion(bodies: tuple[str, ...], tmp_path: Path) -> None:
     settings = Settings(scene=write(tmp_path, bodies))
     run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     assert run.execution is None
@@ -130,7 +130,7 @@ def test_any_name_goes_through_to_every_file(
     assert not re.search(r"<b>\W*Ω", page)
 
 
-def test_what_the_gripper_does_has_no_place_in_the_twin(tmp_path: Path) -> None:
+def test_quantities_of_the_gripper_are_not_in_the_twin(tmp_path: Path) -> None:
     scene = write(tmp_path, (TABLE, cup()))
     out = tmp_path / "out"
     run = pipeline.run(

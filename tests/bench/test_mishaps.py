@@ -22,7 +22,7 @@ def footage(*poses: tuple[float, tuple[float, float, float, float]]) -> Footage:
 UPRIGHT = (1.0, 0.0, 0.0, 0.0)
 
 
-def test_what_falls_or_tips_is_dropped_and_what_is_lowered_is_not() -> None:
+def test_falling_or_tipping_counts_as_dropped_and_lowering_does_not() -> None:
     assert dropped(footage((0.2, UPRIGHT), (0.17, UPRIGHT)), ["ball"]) == ("ball",)
     assert dropped(footage((0.2, UPRIGHT), (0.195, UPRIGHT)), ["ball"]) == ()
     assert dropped(footage((0.2, UPRIGHT), (0.2, (0.7, 0.7, 0.0, 0.0))), ["ball"]) == ("ball",)

@@ -21,7 +21,7 @@ from bench.schema.leaving import opened, written
 @pytest.mark.filterwarnings("ignore")
 @settings(max_examples=15, derandomize=True, deadline=None, database=None)
 @given(st.integers(0, 1_000_000))
-def test_what_is_left_open_is_missing_and_what_is_written_is_read_back(seed: int) -> None:
+def test_open_values_are_missing_and_written_values_are_read_back(seed: int) -> None:
     assert judge(Random(seed)).wrong == []
 
 
@@ -32,7 +32,7 @@ def test_the_schema_is_mujocos() -> None:
 
 
 @pytest.mark.filterwarnings("ignore")
-def test_what_grows_comes_from_many_places_and_compiles() -> None:
+def test_generated_scenes_use_many_elements_and_compile() -> None:
     grower = Grower(Random(4))
     grower.grow(60)
     assert len({tag for tag, _ in grower.used}) > 8

@@ -58,7 +58,7 @@ def test_seeds_are_kept_and_gone_on_with(
     assert "green_bottle.mass" in (tmp_path / "kept" / "index.html").read_text(encoding="utf-8")
 
 
-def test_what_is_done_when_it_is_interrupted_is_kept_and_shown(
+def test_an_interrupted_study_keeps_and_shows_finished_seeds(
     palpate: Callable[..., Any],
     asked: list[Settings],
     tmp_path: Path,

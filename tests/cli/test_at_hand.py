@@ -37,7 +37,9 @@ def test_a_scene_needs_no_flag(palpate: Palpate, scene: Callable[..., Path]) -> 
         (("plan", "scene.xml", "--arm", "fr4"), "fr3"),
     ],
 )
-def test_what_was_perhaps_meant(palpate: Palpate, wrong: tuple[str, ...], meant: str) -> None:
+def test_a_misspelt_name_gets_a_suggestion(
+    palpate: Palpate, wrong: tuple[str, ...], meant: str
+) -> None:
     answer = palpate(*wrong)
     assert answer.status == 2
     assert answer.out == ""

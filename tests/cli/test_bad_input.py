@@ -72,17 +72,19 @@ def nothing_written(folder: Path) -> bool:
         "deep",
     ],
 )
-def test_unusable_scene(palpate: Palpate, tmp_path: Path, text: str, words: list[str]) -> None:
+def test_an_invalid_scene_gets_one_clear_error(
+    palpate: Palpate, tmp_path: Path, text: str, words: list[str]
+) -> None:
     (tmp_path / "scene.xml").write_text(text, encoding="utf-8")
     refused(palpate("run", "--scene", "scene.xml", "--out", "out"), 2, *words)
     assert nothing_written(tmp_path)
 
 
-def test_scene_that_is_not_there(palpate: Palpate) -> None:
+def test_an_absent_scene_file_gets_one_clear_error(palpate: Palpate) -> None:
     refused(palpate("gap", "nowhere.xml"), 2, "nowhere.xml")
 
 
-def test_neither_request_nor_scene(palpate: Palpate, tmp_path: Path) -> None:
+def test_a_call_without_request_and_scene_is_refused(palpate: Palpate, tmp_path: Path) -> None:
     refused(palpate("run", "--out", "out"), 2, "--scene", "-r")
     assert nothing_written(tmp_path)
 
@@ -90,7 +92,7 @@ def test_neither_request_nor_scene(palpate: Palpate, tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     "request_", ["", "   ", "mass " * 20_000], ids=["empty", "blank", "100 kB"]
 )
-def test_unusable_request(
+def test_an_invalid_request_gets_one_clear_error(
     palpate: Palpate, scene: SceneMaker, tmp_path: Path, request_: str
 ) -> None:
     refused(palpate("run", "-r", request_, "--scene", scene(cube()), "--out", "out"), 2, "request")
@@ -107,7 +109,7 @@ def test_unusable_request(
         ("teapot.mass=1g", ["teapot", "mug"]),
     ],
 )
-def test_unusable_width(
+def test_an_invalid_half_width_is_refused_with_the_valid_forms(
     palpate: Palpate, scene: SceneMaker, tmp_path: Path, width: str, words: list[str]
 ) -> None:
     answer = palpate("run", "--scene", scene(cube("mug")), "--within", width, "--out", "out")
@@ -115,7 +117,9 @@ def test_unusable_width(
     assert nothing_written(tmp_path)
 
 
-def test_object_that_is_not_there_lists_those_that_are(palpate: Palpate, scene: SceneMaker) -> None:
+def test_an_unknown_object_lists_the_objects_of_the_scene(
+    palpate: Palpate, scene: SceneMaker
+) -> None:
     answer = palpate(
         "run", "-r", "the mass of the teapot", "--scene", scene(cube("mug"), cube("brick", y=0.2))
     )
@@ -160,7 +164,9 @@ def test_ambiguous_object_names_both(palpate: Palpate, scene: SceneMaker) -> Non
     ],
     ids=["no JSON", "unknown primitive", "deep list", "deep tree", "NaN"],
 )
-def test_unusable_plan(palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str) -> None:
+def test_an_invalid_plan_file_gets_one_clear_error(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str
+) -> None:
     (tmp_path / "plan.json").write_text(text, encoding="utf-8")
     answer = palpate("execute", "plan.json", "--scene", scene(cube()), "--out", "out")
     assert answer.status in (2, 3)
@@ -168,27 +174,27 @@ def test_unusable_plan(palpate: Palpate, scene: SceneMaker, tmp_path: Path, text
     assert not (tmp_path / "out" / "trace.mcap").exists()
 
 
-def test_unreachable_object(palpate: Palpate, scene: SceneMaker) -> None:
+def test_an_object_out_of_reach_is_refused(palpate: Palpate, scene: SceneMaker) -> None:
     answer = palpate("plan", "--scene", scene(cube("far", x=0.93)), "--json")
     assert answer.status == 3
     assert "far" in answer.out
     assert "reach" in answer.out
 
 
-def test_object_too_wide_for_the_hand(palpate: Palpate, scene: SceneMaker) -> None:
+def test_an_object_too_wide_for_the_hand_is_refused(palpate: Palpate, scene: SceneMaker) -> None:
     answer = palpate("plan", "--scene", scene(cube("wide", half=0.06)), "--json")
     assert answer.status == 3
     assert "wide" in answer.out
 
 
-def test_object_heavier_than_the_payload(palpate: Palpate, scene: SceneMaker) -> None:
+def test_an_object_heavier_than_the_payload_is_refused(palpate: Palpate, scene: SceneMaker) -> None:
     heavy = cube("anvil", mass='mass="7"').replace('friction="0.6 0.005 0.0001"', "")
     answer = palpate("plan", "--scene", scene(heavy), "--json")
     assert answer.status == 3
     assert "anvil" in answer.out
 
 
-def test_scene_and_world_that_do_not_match(
+def test_a_world_that_does_not_match_the_scene_is_refused(
     palpate: Palpate, scene: SceneMaker, tmp_path: Path
 ) -> None:
     world = scene(cube("other", mass='mass="0.2"'), name="world.xml")
@@ -201,7 +207,9 @@ def test_scene_and_world_that_do_not_match(
     assert nothing_written(tmp_path)
 
 
-def test_unreadable_image(palpate: Palpate, scene: SceneMaker, tmp_path: Path) -> None:
+def test_an_unreadable_image_gets_one_clear_error(
+    palpate: Palpate, scene: SceneMaker, tmp_path: Path
+) -> None:
     (tmp_path / "picture.png").write_bytes(b"\x89PNG but not really")
     refused(
         palpate("run", "--scene", scene(cube()), "--image", "picture.png", "--out", "out"),
@@ -255,7 +263,7 @@ def test_wrong_option_is_a_usage_error(palpate: Palpate) -> None:
     assert "--sideways" in answer.err
 
 
-def test_what_is_known_is_not_measured_and_that_is_no_failure(
+def test_a_known_value_is_not_measured_and_the_exit_status_is_0(
     palpate: Palpate, scene: SceneMaker
 ) -> None:
     file = scene(cube("mug", mass='mass="0.3"'))
@@ -284,7 +292,7 @@ def test_remeasure_measures_what_is_known(palpate: Palpate, scene: SceneMaker) -
         (None, ["loud.yaml"]),
     ],
 )
-def test_unusable_noise_model(
+def test_an_invalid_noise_model_gets_one_clear_error(
     palpate: Palpate, scene: SceneMaker, tmp_path: Path, text: str | None, words: list[str]
 ) -> None:
     if text is not None:
@@ -295,8 +303,6 @@ def test_unusable_noise_model(
     assert nothing_written(tmp_path)
 
 
-def test_a_noise_that_is_not_there_lists_those_that_are(
-    palpate: Palpate, scene: SceneMaker
-) -> None:
+def test_an_unknown_noise_level_lists_the_valid_ones(palpate: Palpate, scene: SceneMaker) -> None:
     answer = palpate("run", "--scene", scene(cube()), "--noise", "loud")
     refused(answer, 2, "unknown noise 'loud'", "datasheet, hardware, lab, measured, none")

@@ -69,7 +69,7 @@ def test_a_known_weight_makes_masses_right(palpate: Call) -> None:
 
 
 @pytest.mark.long
-def test_known_heights_tell_where_the_fingertips_end(palpate: Call) -> None:
+def test_known_heights_determine_the_length_of_the_fingertips(palpate: Call) -> None:
     bodies = "".join(GAUGE.format(name=f"g{i}", x=x, y=y) for i, (x, y) in enumerate(SPOTS))
     files(bodies)
     done = palpate("calibrate", "--gauge", "40mm±0.02mm", *ARM)
@@ -84,7 +84,7 @@ def test_known_heights_tell_where_the_fingertips_end(palpate: Call) -> None:
     assert repeated.value < 5e-5, "this arm comes back to where it was, told are 0.1 mm"
 
 
-def test_one_gauge_is_refused_before_anything_moves(palpate: Call) -> None:
+def test_a_single_gauge_is_refused_before_any_motion(palpate: Call) -> None:
     files(GAUGE.format(name="g", x=0.5, y=0.0))
     done = palpate("calibrate", "--gauge", "40mm", *ARM)
     assert done.status == 2
@@ -92,7 +92,7 @@ def test_one_gauge_is_refused_before_anything_moves(palpate: Call) -> None:
     assert "MoveUntilContact" not in done.out + done.err
 
 
-def test_what_is_in_the_way_is_named_before_anything_moves(palpate: Call) -> None:
+def test_an_obstacle_of_a_calibration_is_named_before_any_motion(palpate: Call) -> None:
     files(SHELF)
     done = palpate("calibrate", "--own-weight", *ARM)
     assert done.status == 2
@@ -101,7 +101,7 @@ def test_what_is_in_the_way_is_named_before_anything_moves(palpate: Call) -> Non
     assert not Path("robot.yaml").exists()
 
 
-def test_a_weight_that_is_another_one_is_refused(palpate: Call) -> None:
+def test_a_weight_of_another_mass_is_refused(palpate: Call) -> None:
     files(cube(mass='mass="0.5"'), cube(mass='mass="0.6"'))
     done = palpate("calibrate", "--weight", "500g", *ARM)
     assert done.status == 2

@@ -58,7 +58,7 @@ def test_an_option_of_one_value_is_given_once() -> None:
     assert not calls
 
 
-def test_their_declarations_hold(capsys: pytest.CaptureFixture[str]) -> None:
+def test_declarations_of_options_are_valid(capsys: pytest.CaptureFixture[str]) -> None:
     app, _ = made()
     app(["greet", "--help"], standalone_mode=False)
     assert "Louder." in capsys.readouterr().out

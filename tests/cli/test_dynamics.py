@@ -39,7 +39,7 @@ def test_dynamics_are_shown_and_written(palpate: Call, monkeypatch: pytest.Monke
     assert mujoco.MjModel.from_xml_path("arm.xml").joint("fr3_joint1").frictionloss[0] > 0.2
 
 
-def test_dynamics_as_json(palpate: Call) -> None:
+def test_the_dynamics_of_an_arm_are_printed_as_json(palpate: Call) -> None:
     log()
     done = palpate("dynamics", "log.npz", "--hand", "0.9kg", "--json")
     assert done.status == 0, done.err

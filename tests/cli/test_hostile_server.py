@@ -86,7 +86,7 @@ def test_the_key_is_in_no_file_and_on_no_screen(palpate: Palpate, tmp_path: Path
     assert [round["answer"]["model"] for round in conversation["rounds"]] == ["[key]"] * 4
 
 
-def test_an_error_that_repeats_the_key(palpate: Palpate, tmp_path: Path) -> None:
+def test_an_error_message_with_the_key_is_redacted(palpate: Palpate, tmp_path: Path) -> None:
     # The message is cut after 200 characters, in the middle of the key.
     long = "x" * 170 + KEY
     with Loopback(Fails(400, {"x-request-id": KEY}, message=long)) as server:

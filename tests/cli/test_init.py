@@ -25,7 +25,7 @@ def asked(*arguments: object):
     return CliRunner().invoke(app, [str(argument) for argument in arguments])
 
 
-def test_from_names_with_what_to_do_next(tmp_path):
+def test_a_new_scene_has_the_named_objects_and_a_next_step(tmp_path):
     done = asked("init", tmp_path / "desk", "red mug", "soap", "--surface", "desk")
     assert done.exit_code == 0, done.output
     assert "how heavy is the red mug?" in done.output
@@ -33,12 +33,12 @@ def test_from_names_with_what_to_do_next(tmp_path):
     assert [*scene.objects, *scene.surfaces] == ["red_mug", "soap", "desk"]
 
 
-def test_from_nothing_there_is_a_mug(tmp_path):
+def test_a_new_scene_without_names_has_a_mug(tmp_path):
     done = asked("init", tmp_path / "new", "--json")
     assert json.loads(done.stdout)["objects"] == ["mug"]
 
 
-def test_from_a_picture_that_a_model_looked_at(tmp_path, png):
+def test_a_new_scene_is_made_from_a_models_detections_in_a_picture(tmp_path, png):
     settings = SEEN.settings()
     options = ["--image", png, "--poses", settings.poses, "--planner", settings.planner]
     done = asked("init", tmp_path / "new", *options)

@@ -16,7 +16,7 @@ from palpate.cli.app import app
 from palpate.trace.mcap import read_mcap
 
 
-def test_without_viser_it_is_said_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_viser_gets_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     for name in [name for name in sys.modules if name.startswith("palpate.runs.report.live_p")]:
         monkeypatch.delitem(sys.modules, name)
     monkeypatch.setitem(sys.modules, "viser", None)

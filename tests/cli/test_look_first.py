@@ -95,7 +95,7 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     assert "there?" not in agreed.err
 
 
-def test_what_is_asked_for_and_was_not_seen_is_named(scene: Callable[..., Path]) -> None:
+def test_requested_objects_that_were_not_seen_are_named(scene: Callable[..., Path]) -> None:
     plan = pp.load(scene(cube(), cube("tin", y=0.2))).plan(measure="cube.mass")
     with pytest.raises(InputError, match="did not see cube:"):
         require_seen(plan.run_so_far, seen("tin", unseen=("cube",)))

@@ -199,14 +199,14 @@ def test_a_lean_prompt_and_a_critic_are_asked_for_on_the_command_line(
     assert palpate("plan", *bottle("--critic", "nobody:x")).status == 2
 
 
-def test_how_a_model_was_asked_is_kept_and_read_back() -> None:
+def test_settings_of_a_model_are_saved_and_read_back() -> None:
     asked = ModelSettings(prompt="lean", critic="openai:x", comments=False, budget=Budget(900.0))
     kept = json.loads(json.dumps(request_json(Settings(request="r", model_settings=asked))))
     assert settings_from(kept).model_settings == asked
 
 
 @pytest.mark.long
-def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
+def test_a_sentence_a_picture_and_a_camera_give_complete_mjcf(
     palpate: Palpate, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.delenv("MUJOCO_GL")
@@ -244,7 +244,7 @@ def test_from_a_sentence_a_picture_and_a_camera_to_complete_mjcf(
     assert palpate("check", "out", "--poses", SEEN.folder / "poses.yaml").status == 0
 
 
-def test_who_cannot_look_says_what_to_do_without_a_scene(palpate: Palpate) -> None:
+def test_a_planner_without_vision_asks_for_a_scene(palpate: Palpate) -> None:
     for planner in ("symbolic", "exhaustive"):
         answer = palpate("run", "-r", "the mass of the bottle", "--planner", planner)
         assert answer.status == 2
@@ -334,7 +334,7 @@ def test_a_real_robot_moves_only_when_confirmed(
     assert json.loads(answer.out)["error"]["exit_status"] == status
 
 
-def test_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
+def test_the_option_yes_skips_the_question(palpate: Palpate, scene: Callable[..., Path]) -> None:
     answer = palpate("run", "--scene", scene(cube()), "--robot", "bench://arm", "--yes")
     assert answer.status == 5
     assert "move?" not in answer.err
@@ -401,9 +401,7 @@ def test_a_value_that_is_not_believed_is_measured_again(palpate: Palpate, tmp_pa
     assert "measured again" in " ".join(answer.out.split())
 
 
-def test_where_nothing_is_missing_the_explanation_is_shown(
-    palpate: Palpate, tmp_path: Path
-) -> None:
+def test_a_complete_scene_shows_the_explanation(palpate: Palpate, tmp_path: Path) -> None:
     (tmp_path / "desk.xml").write_text(SCENE)
     said = {"outcome": "nothing_missing", "parameters": [], "explanation": "D says 0.4 kg."}
     asked = ("-r", "What does the brick weigh?", "--scene", tmp_path / "desk.xml")

@@ -25,7 +25,7 @@ def log() -> None:
     np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=made.tau)
 
 
-def test_noise_is_shown_beside_the_models_and_written(
+def test_the_measured_noise_is_shown_with_the_models_and_written(
     palpate: Call, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     log()
@@ -51,7 +51,7 @@ def test_noise_is_shown_beside_the_models_and_written(
     assert written.torque.white == pytest.approx(noise_models().load("measured").torque.white)
 
 
-def test_noise_as_json(palpate: Call) -> None:
+def test_the_noise_of_an_arm_is_printed_as_json(palpate: Call) -> None:
     log()
     done = palpate("noise", "log.npz", "--json")
     assert done.status == 0, done.err

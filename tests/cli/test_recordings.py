@@ -30,7 +30,9 @@ def motion(folder: Path) -> Path:
     return file
 
 
-def test_a_recording_in_json_and_as_a_folder(palpate: Palpate, tmp_path: Path) -> None:
+def test_a_recording_is_estimated_as_json_and_saved_as_a_folder(
+    palpate: Palpate, tmp_path: Path
+) -> None:
     log, columns = motion(tmp_path), tmp_path / "map.yaml"
     asked = ("estimate", log, "--loaded", "3-5.9", "--columns", columns, "--hand", "0.7")
     answer = palpate(*asked, "--json", "-o", tmp_path / "run")
@@ -84,7 +86,7 @@ def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
         assert said in " ".join(answer.err.split())
 
 
-def test_one_arm_of_two_is_named(palpate: Palpate, tmp_path: Path) -> None:
+def test_an_option_names_one_of_two_arms(palpate: Palpate, tmp_path: Path) -> None:
     with np.load(motion(tmp_path)) as log:
         t, q, dq, tau = (log[name] for name in ("time", "position", "velocity", "moment"))
     arm, still = load_description("fr3"), np.zeros_like(q)
@@ -107,7 +109,7 @@ def test_one_arm_of_two_is_named(palpate: Palpate, tmp_path: Path) -> None:
     assert note.startswith("joints left_q[0] to left_q[6] are read, not right_q[0]")
 
 
-def test_how_to_record(palpate: Palpate, tmp_path: Path) -> None:
+def test_the_option_how_explains_what_to_record(palpate: Palpate, tmp_path: Path) -> None:
     file = tmp_path / "motion.csv"
     answer = palpate("estimate", "--how", "-o", file)
     assert answer.status == 0

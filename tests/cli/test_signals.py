@@ -106,7 +106,7 @@ def interrupted(
     ("stage", "number", "planner"),
     [("planning", signal.SIGTERM, "slow"), ("rehearsing", signal.SIGINT, "symbolic")],
 )
-def test_before_anything_moves(
+def test_a_signal_before_any_motion_writes_nothing(
     desk: Path, stage: str, number: signal.Signals, planner: str
 ) -> None:
     process, out, err = interrupted(desk, stage, number, planner=planner)
@@ -124,7 +124,9 @@ def test_before_anything_moves(
         pytest.param((signal.SIGINT,), id="two", marks=pytest.mark.long),
     ],
 )
-def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> None:
+def test_a_signal_during_motion_stops_the_arm_and_keeps_the_run(
+    desk: Path, others: tuple[signal.Signals, ...]
+) -> None:
     """One puts down what is held, two hold it. The latest is told: of two that wait together, Python
     takes SIGINT first."""
     process, out, err = interrupted(desk, "CloseGripper", *others, signal.SIGTERM)
@@ -141,7 +143,9 @@ def test_while_the_arm_moves(desk: Path, others: tuple[signal.Signals, ...]) -> 
 
 
 @pytest.mark.long
-def test_while_the_twin_is_built(desk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_signal_during_building_keeps_the_estimates(
+    desk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setenv("SLOW_TWIN", "1")
     process, out, err = interrupted(desk, "building the twin", signal.SIGHUP)
     assert process.returncode == 4

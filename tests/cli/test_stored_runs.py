@@ -62,9 +62,7 @@ def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
 
 
 @pytest.mark.long
-def test_what_a_run_in_a_hurry_left_out_is_made_later(
-    palpate: Palpate, stored: Path, tmp_path: Path
-) -> None:
+def test_a_fast_run_is_completed_later(palpate: Palpate, stored: Path, tmp_path: Path) -> None:
     copy = tmp_path / "copy"
     shutil.copytree(stored, copy)
     before = json.loads((copy / "result.json").read_text("utf-8"))
@@ -85,7 +83,7 @@ def test_what_a_run_in_a_hurry_left_out_is_made_later(
         assert "data:video/mp4" in page
 
 
-def test_an_estimator_that_nobody_knows_is_bad_input(palpate: Palpate, stored: Path) -> None:
+def test_an_unknown_estimator_is_bad_input(palpate: Palpate, stored: Path) -> None:
     unknown = palpate("estimate", stored, "--estimator", "mass=guess")
     assert (unknown.status, unknown.out) == (2, "")
     assert "single-shot" in unknown.err
@@ -212,7 +210,7 @@ def test_runs_are_compared(palpate: Palpate, folders: list[Path]) -> None:
         found["cube.height"]
 
 
-def test_what_runs_share_is_not_in_their_difference(
+def test_shared_errors_cancel_in_the_difference_of_runs(
     palpate: Palpate, stored: Path, tmp_path: Path
 ) -> None:
     copy = tmp_path / "copy"
@@ -232,7 +230,7 @@ def test_what_runs_share_is_not_in_their_difference(
     assert second["difference"] == pytest.approx(shift)
 
 
-def test_runs_of_other_things_are_compared_with_a_remark(
+def test_runs_of_different_scenes_are_compared_with_a_remark(
     palpate: Palpate, stored: Path, tmp_path: Path
 ) -> None:
     unknown = _unknown(stored, tmp_path / "unknown")
@@ -273,7 +271,7 @@ def test_a_report_is_opened(
     assert "no browser" in without.err
 
 
-def test_what_is_contradicted_has_no_say(
+def test_contradicted_estimates_are_left_out_of_a_fusion(
     palpate: Palpate, folders: list[Path], tmp_path: Path
 ) -> None:
     copy = tmp_path / "copy"

@@ -46,7 +46,7 @@ def test_a_ruler_s_numbers_become_poses(desk: Path, tmp_path: Path) -> None:
     assert math.atan2(mug.rotation[1, 0], mug.rotation[0, 0]) == pytest.approx(math.radians(30))
 
 
-def test_what_was_said_before_stays_and_nothing_is_overwritten(desk: Path, tmp_path: Path) -> None:
+def test_earlier_poses_are_kept_and_no_file_is_overwritten(desk: Path, tmp_path: Path) -> None:
     first, both = tmp_path / "first.yaml", tmp_path / "both.yaml"
     first.write_text("objects: {box: {pos: [0.4, 0.1, 0.23]}}\noffsets: {z_offset: 0.2}\n", "utf-8")
     status, said = asked("teach", desk, "--poses", first, "--out", both, typed="mug .5 0\n\n")
@@ -56,9 +56,7 @@ def test_what_was_said_before_stays_and_nothing_is_overwritten(desk: Path, tmp_p
     assert asked("teach", desk, "--out", both, typed="mug .5 0\n\n")[0] == 2
 
 
-def test_a_length_without_a_unit_that_nobody_reaches_is_refused_at_once(
-    desk: Path, tmp_path: Path
-) -> None:
+def test_a_length_beyond_every_arms_reach_is_refused_at_once(desk: Path, tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
     status, said = asked("teach", desk, "--out", file, typed="mug 500 -120\nmug 500mm -120mm\n\n")
     assert status == 0, said
@@ -73,7 +71,7 @@ def test_names_that_the_scene_does_not_have_are_refused(desk: Path, tmp_path: Pa
     assert "nothing is written" in said
 
 
-def test_doctor_of_nobody(desk: Path) -> None:
+def test_a_doctor_without_arguments_checks_this_machine(desk: Path) -> None:
     status, said = asked("doctor", "--robot", f"franky://{own_address()}")
     assert status == 5
     assert "Connection refused" in said
@@ -81,7 +79,7 @@ def test_doctor_of_nobody(desk: Path) -> None:
 
 
 @pytest.mark.long
-def test_an_arm_is_examined_and_its_hand_shows_where_things_are(desk: Path, tmp_path: Path) -> None:
+def test_an_arm_is_examined_and_its_hand_teaches_poses(desk: Path, tmp_path: Path) -> None:
     """A served arm at home, whose hand is above neither thing."""
     pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
     with served(desk) as bench:

@@ -54,7 +54,7 @@ def believed_error(belief: Belief, error: np.ndarray) -> np.ndarray:
     return error - np.concatenate([belief.pose.position - SEEN.position, small])
 
 
-def test_what_fingers_push_tells_where_it_is_and_nothing_of_where_it_stood() -> None:
+def test_a_pushed_object_corrects_its_present_pose_only() -> None:
     related = SPREAD.copy()
     related[0, 1] = related[1, 0] = 0.9 * 0.004 * 0.003  # as seen along a ray
     after = Belief.of(SEEN, related).touched("fingers", X, SEEN.position, 0.001, pushed=0.02)
@@ -63,7 +63,7 @@ def test_what_fingers_push_tells_where_it_is_and_nothing_of_where_it_stood() -> 
     assert after.placed is SEEN
 
 
-def test_three_deviations_contradict_and_widen_what_was_seen() -> None:
+def test_an_offset_of_three_deviations_contradicts_and_widens_sight() -> None:
     whole = float(np.hypot(0.004, ERROR))
     assert not Belief.of(SEEN, SPREAD).touched("probe", X, SEEN.position, 2.9 * whole).contradiction
     after = Belief.of(SEEN, SPREAD).touched("probe", X, SEEN.position, 5.0 * whole)
@@ -76,7 +76,7 @@ def test_three_deviations_contradict_and_widen_what_was_seen() -> None:
     assert after.std(np.array([0.0, 1.0, 0.0])) > 0.004
 
 
-def test_what_is_carried_and_turned_is_as_sure_along_its_own_axes() -> None:
+def test_the_covariance_turns_with_a_carried_object() -> None:
     turned = Belief.of(SEEN, SPREAD).at(
         Pose.top_down((0.4, 0, 0.5), 0.0) @ Pose.turn((0, 0, np.pi / 2))
     )

@@ -75,7 +75,7 @@ else:
     sys.platform != "linux" or len(os.sched_getaffinity(0)) < 2,
     reason="there is no second processor",
 )
-def test_it_is_done_by_another_process_and_fails_in_this_one() -> None:
+def test_work_is_done_by_a_fork_and_its_error_is_raised_here() -> None:
     done = subprocess.run(
         [sys.executable, "-c", ALONE], capture_output=True, text=True, timeout=60, check=False
     )
@@ -83,7 +83,7 @@ def test_it_is_done_by_another_process_and_fails_in_this_one() -> None:
 
 
 @pytest.mark.skipif(sys.platform != "linux", reason="elsewhere nothing is copied")
-def test_it_is_done_in_this_process_where_no_other_is_to_be_had(
+def test_work_is_done_here_if_no_fork_is_possible(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def refused(_: object) -> None:

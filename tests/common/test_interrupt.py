@@ -24,7 +24,7 @@ def test_a_signal_is_raised_where_it_comes() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_a_noted_signal_waits_to_be_heard() -> None:
+def test_signals_in_a_deferring_block_are_counted() -> None:
     with interrupts() as signals, signals.defer():
         press()
         assert signals.pressed() == 1
@@ -32,21 +32,21 @@ def test_a_noted_signal_waits_to_be_heard() -> None:
         assert signals.pressed() == 2
 
 
-def test_one_that_finds_the_last_one_unheard_is_raised() -> None:
+def test_a_second_unhandled_signal_is_raised() -> None:
     with interrupts() as signals, signals.defer():
         press()
         with pytest.raises(Interrupted):
             press()
 
 
-def test_who_takes_them_first_takes_them_for_all() -> None:
+def test_nested_blocks_count_signals_together() -> None:
     with interrupts() as outer, outer.defer(), interrupts() as inner, inner.defer():
         press()
         assert inner is outer
         assert outer.pressed() == 1
 
 
-def test_those_from_before_are_not_counted() -> None:
+def test_earlier_signals_are_not_counted() -> None:
     with interrupts() as signals:
         with signals.defer():
             press()

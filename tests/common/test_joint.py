@@ -13,7 +13,7 @@ HANDLE = Pose.of([1.0, -0.4, 0.3])
 
 
 @pytest.mark.parametrize("joint", [SLIDE, HINGE])
-def test_what_has_moved_by_so_much_is_found_to_have(joint: Joint) -> None:
+def test_the_travel_of_a_joint_is_recovered_from_the_motion_of_a_body(joint: Joint) -> None:
     moved = joint.motion(0.1) @ HANDLE
     assert joint.travels(HANDLE, moved.position[None])[0] == pytest.approx(0.1)
     step = joint.motion(1e-6) @ HANDLE
@@ -38,6 +38,6 @@ def test_the_work_of_a_wrench_is_its_force_along_the_joint(joint: Joint) -> None
     assert joint.along(HANDLE.position[None])[0] @ wrench == pytest.approx(work, abs=1e-5)
 
 
-def test_units_and_room() -> None:
+def test_a_joint_has_its_unit_and_its_remaining_travel() -> None:
     assert (SLIDE.unit(), SLIDE.unit("N·s"), HINGE.unit("N·s")) == ("m", "N·s/m", "N·m·s/rad")
     assert (SLIDE.room(1.0), SLIDE.room(-1.0)) == pytest.approx((0.15, 0.05))

@@ -39,7 +39,7 @@ def test_a_slice_of_a_pyramid_is_a_square(half: float, height: float, share: flo
     assert width(outline, unit(0)) == pytest.approx(2 * half * (1 - share))
 
 
-def test_a_slice_beside_the_shape_is_empty() -> None:
+def test_a_slice_outside_the_shape_is_empty() -> None:
     assert len(slab(pyramid(0.1, 0.1), 0.2, 0.3)) == 0
 
 

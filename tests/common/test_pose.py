@@ -41,7 +41,7 @@ def test_a_rotation_is_one(pose: Pose) -> None:
 
 
 @given(poses())
-def test_the_inverse_undoes(pose: Pose) -> None:
+def test_the_inverse_undoes_a_pose(pose: Pose) -> None:
     assert same(pose @ pose.inverse(), IDENTITY)
     assert same(pose.inverse() @ pose, IDENTITY)
     assert same(pose.inverse().inverse(), pose)

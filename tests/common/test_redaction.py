@@ -62,7 +62,7 @@ def test_parts_of_a_key_are_blotted_out_as_well() -> None:
     assert redact(f"cut off: {KEY[:-1]}") == "cut off: [key]"
 
 
-def test_what_looks_like_a_key_is_one() -> None:
+def test_text_in_the_form_of_a_key_is_redacted() -> None:
     text = redact(
         "sk-proj-abcdefghijklmnop, Bearer abcdefghijklmnop, AIzaSyA1234567890123456789012"
     )

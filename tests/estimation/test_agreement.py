@@ -40,7 +40,7 @@ def test_the_moments_given_a_bound_are_those_of_a_truncated_normal(value: float)
     assert upper.limit(1.0 - value, 2.0) == pytest.approx(1.0 - Bound(0.0).limit(value, 2.0))
 
 
-def test_which_bound_an_interval_reaches() -> None:
+def test_an_interval_names_the_bound_that_it_reaches() -> None:
     assert reached_bound(0.0, 0.4, (0.0, 1.0)) == Bound(0.0)
     assert reached_bound(0.7, 1.2, (0.0, 1.0)) == Bound(1.0, -1)
     assert reached_bound(0.1, 0.4, (0.0, 1.0)) is None

@@ -90,7 +90,7 @@ def test_a_known_residual_says_how_sure_its_size_is():
     assert beside == pytest.approx(100.0, rel=0.01)
 
 
-def test_what_depends_on_the_angle_cancels_between_passes():
+def test_errors_that_depend_on_the_angle_cancel_between_passes():
     """A joint passes the same angles twice, with a load of 0.5 N m the second time."""
     random = np.random.default_rng(2)
     half = ROWS // 2

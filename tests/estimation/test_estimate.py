@@ -35,7 +35,7 @@ def balanced():
     return Estimate.normal(HAMMER, "m", (0.0621, -0.004, 0.0), (0.0024, 0.0007, 0.01), "balanced")
 
 
-def test_it_prints_itself_in_one_line(weighed, balanced):
+def test_an_estimate_has_a_repr_of_one_line(weighed, balanced):
     assert repr(weighed) == "<mug.mass = 0.3418 ± 0.0014 kg, 95 % [0.3391, 0.3445], identified>"
     assert (
         repr(balanced)
@@ -172,7 +172,7 @@ def test_at_truth_zero_z_is_standard_normal_and_25_runs_cover():
         assert 0.90 <= covered / 200 <= 0.99
 
 
-def test_what_is_not_identified_has_no_value():
+def test_an_unidentified_estimate_has_no_value():
     lost = not_identified(MUG, "kg", "It slipped.")
     assert not lost.has_value
     assert (lost.values.shape, lost.stds.shape, lost.intervals.shape) == ((0,), (0,), (0, 2))
@@ -198,7 +198,7 @@ def test_a_test_of_fit_that_fails_contradicts_the_estimate(weighed):
         replace(weighed, verdict="contradicted")
 
 
-def test_what_is_no_number_does_not_agree():
+def test_a_nan_statistic_does_not_agree():
     assert not FitTest("rest against pass", float("nan"), 3.9, "").passed
 
 
@@ -213,7 +213,7 @@ def test_chance_rarely_exceeds_the_limit_of_a_sum_of_squares():
     assert 0 < np.mean(drawn / noise > unsure.limit) < 3e-4
 
 
-def test_it_is_a_value(weighed):
+def test_estimates_are_immutable_and_compared_by_value(weighed):
     again = Estimate.normal(
         MUG, "kg", 0.34182, 0.00138, "weighed", parts={"rests": FurtherValue(0.34, 0.01)}
     )
@@ -226,7 +226,7 @@ def test_it_is_a_value(weighed):
         weighed.unit = "g"
 
 
-def test_it_keeps_its_own_numbers():
+def test_an_estimate_copies_its_arrays():
     numbers = np.array([0.3])
     found = Estimate.normal(MUG, "kg", numbers, numbers, "weighed")
     numbers[0] = 9.0

@@ -46,7 +46,7 @@ def long(trace: Trace) -> Trace:
     )
 
 
-def test_only_the_time_around_an_object_is_evidence_of_it(long: Trace) -> None:
+def test_evidence_of_an_object_is_limited_to_its_own_time(long: Trace) -> None:
     near = select_evidence(long, "box_4")
     assert near.t[0] == pytest.approx(47.0 - AROUND)
     assert near.t[-1] == pytest.approx(55.0 + AROUND)
@@ -56,7 +56,7 @@ def test_only_the_time_around_an_object_is_evidence_of_it(long: Trace) -> None:
     assert select_evidence(long, "box_4") is near, "found once, with what is found in it"
 
 
-def test_what_comes_later_changes_nothing(long: Trace) -> None:
+def test_later_samples_change_no_estimate(long: Trace) -> None:
     """So that it can be estimated while the next is measured."""
     whole, sofar = select_evidence(long, "box_2"), select_evidence(long.until(95.0), "box_2")
     assert sofar.leaves == whole.leaves
@@ -64,7 +64,7 @@ def test_what_comes_later_changes_nothing(long: Trace) -> None:
     assert np.array_equal(sofar.t, whole.t)
 
 
-def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -> None:
+def test_neighbouring_recordings_of_the_empty_hand_belong_to_an_object(long: Trace) -> None:
     empty = recording(140.0, None)
     turned = replace(
         long,
@@ -77,7 +77,7 @@ def test_recordings_of_the_empty_hand_beside_its_own_belong_to_it(long: Trace) -
     assert find_evidence_span(turned, "box_2") == find_evidence_span(long, "box_2")
 
 
-def test_of_what_was_never_held_anything_may_be_evidence(long: Trace) -> None:
+def test_every_recording_may_be_evidence_of_an_object_never_held(long: Trace) -> None:
     assert select_evidence(long, "table") is long
 
 

@@ -47,7 +47,7 @@ def of(run, noise):
     return of_friction(run.trace, "bottle", standing, about, run.scene.arm, model)
 
 
-def test_it_is_narrower_than_how_forces_grow_with_pressure_and_right(run):
+def test_the_fit_is_narrower_than_a_regression_on_pressure_and_calibrated(run):
     (_, std), whole = fitted(run.trace)
     assert whole.explains
     assert whole.std < 0.5 * std
@@ -66,7 +66,7 @@ def test_the_coefficient_does_not_depend_on_where_the_fit_begins(run):
     assert float(shared @ shared) < low.std**2
 
 
-def test_what_the_model_of_the_arm_leaves_widens_it(run):
+def test_residuals_of_the_arm_model_widen_the_friction(run):
     _, whole = fitted(run.trace)
     samples, before = run.trace.samples, whole.std
     for size in (0.03, 0.15):
@@ -105,19 +105,19 @@ def test_zeros_that_jump_in_the_drags_are_seen(run):
     assert not fitted(jumped)[1].explains
 
 
-def test_an_arm_whose_links_nobody_knows_tells_no_more(run):
+def test_an_arm_with_unknown_links_gives_no_better_friction(run):
     hand = run.trace.hand
     unknown = replace(run.trace, hand=replace(hand, chain=replace(hand.chain, links=())))
     assert fitted(unknown)[1] is None
 
 
-def test_it_counts_what_slides_before_it_is_steady(run):
+def test_sliding_before_the_steady_state_counts(run):
     drags = steady_drags(run.trace, "bottle", observe(run.trace))
     assert sum(len(drag.slid) for drag in drags) > 1.2 * sum(len(drag.blocks) for drag in drags)
 
 
 @pytest.mark.parametrize("stiffness", [0.0, 20.0])
-def test_whether_something_pulls_with_the_place_is_told(run, stiffness):
+def test_a_pull_that_depends_on_the_place_is_detected(run, stiffness):
     samples, observed = run.trace.samples, observe(run.trace)
     torques, wrench = samples.tau_ext.copy(), samples.wrench.copy()
     for drag in steady_drags(run.trace, "bottle", observed):
@@ -132,7 +132,7 @@ def test_whether_something_pulls_with_the_place_is_told(run, stiffness):
     assert (whole.std > 1.1 * level.std) == (stiffness > 0.0)
 
 
-def test_how_the_frame_of_the_arm_leans_is_in_the_bound(run):
+def test_the_tilt_of_the_arms_frame_is_in_the_bound(run):
     assert bound(run) < of_lean(run, base_tilt=5e-3)
     assert bound(run) < of_lean(run, joint_offset=5e-3)
 

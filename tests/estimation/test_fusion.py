@@ -44,12 +44,12 @@ def arms(*estimates: Estimate) -> list[Source]:
     return [replace(s, arm=f"arm {i}") for i, s in enumerate(sources(*estimates))]
 
 
-def test_one_run_is_what_it_is() -> None:
+def test_a_fusion_of_a_single_run_equals_the_run() -> None:
     alone = estimate(0.25)
     assert fuse(sources(alone)) is alone
 
 
-def test_what_runs_share_is_not_averaged_away() -> None:
+def test_shared_errors_of_runs_are_not_averaged_away() -> None:
     for count in (2, 5, 100):
         found = fuse(sources(*[estimate(TRUTH)] * count))
         assert found.stds[0] == pytest.approx(math.hypot(OWN / math.sqrt(count), GAIN), rel=1e-6)
@@ -68,7 +68,7 @@ def test_causes_cancel_where_they_act_the_other_way_round() -> None:
     assert found.stds[0] == pytest.approx(OWN / math.sqrt(2), rel=1e-6)
 
 
-def test_no_run_is_held_against_itself() -> None:
+def test_a_run_is_not_compared_with_itself() -> None:
     """Unequal effects of one cause would let the difference of two runs tell the cause."""
     narrow, wide = estimate(0.250, gain=0.001, own=1e-5), estimate(0.260, gain=0.005, own=1e-5)
     found = fuse(sources(narrow, wide))

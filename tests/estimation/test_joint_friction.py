@@ -51,7 +51,7 @@ def empty(samples: Samples) -> np.ndarray:
     return np.ones(len(samples), dtype=bool)
 
 
-def test_what_turns_round_with_a_joint_is_friction_and_nothing_else_is():
+def test_only_torque_that_reverses_with_a_joint_is_friction():
     samples, ways = swinging(20.0)
     found, std = joint_friction(samples, ways, empty(samples), 0.3)
     assert found == pytest.approx(FRICTION, abs=0.03)
@@ -77,7 +77,7 @@ CHAIN = Chain(
 )
 
 
-def test_what_joints_add_to_a_force_as_they_turn_round_is_foreseen():
+def test_the_friction_of_reversing_joints_in_a_force_is_predicted():
     samples, ways = swinging(20.0)
     observed = observation_of_torques(samples.tau_ext, CHAIN, np.eye(3))
     seen = np.linalg.pinv(observed.maps(samples.q))

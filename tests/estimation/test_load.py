@@ -163,7 +163,7 @@ def test_a_rest_may_be_off_by_what_approaches_leave(lifted, force, verdict):
     assert abs(found.values[0] - MASS) < 3.0 * found.stds[0]
 
 
-def test_what_stays_from_a_rest_on_is_told_by_the_width(lifted):
+def test_lasting_jumps_at_a_rest_widen_the_mass(lifted):
     found = [estimate_mass(lifted(seed, extra=staying(seed)), BOTTLE, None) for seed in range(12)]
     errors = np.array([one.values[0] - MASS for one in found])
     stated = np.array([one.stds[0] for one in found])
@@ -193,7 +193,7 @@ DECEPTIONS = {
 
 
 @pytest.mark.parametrize("kind", DECEPTIONS)
-def test_what_else_acts_on_a_load_contradicts_it(lifted, kind):
+def test_another_force_on_a_load_contradicts_it(lifted, kind):
     found = estimate_mass(lifted(extra=DECEPTIONS[kind]), BOTTLE, None)
     assert found.verdict == "contradicted"
     if kind != "jump":
@@ -244,7 +244,7 @@ def test_every_weighing_counts_and_one_that_disagrees_is_seen(bench, noises):
     assert re.search(r"The weighings disagree: 3\.4\d, 3\.9\d N\.", found.contradiction)
 
 
-def test_a_weighing_that_contradicts_itself_has_no_say_in_the_value(bench, noises):
+def test_a_contradictory_weighing_does_not_count(bench, noises):
     b = bench(noises["none"], 1)
     for y in (0.1, 0.3):
         above, grasp = (0.5, y, 0.32), (0.5, y, 0.2)
@@ -268,7 +268,7 @@ def test_a_weighing_that_contradicts_itself_has_no_say_in_the_value(bench, noise
     assert abs(found.values[0] - MASS) < 3 * found.stds[0]
 
 
-def test_white_noise_and_slower_noise_are_told_apart():
+def test_white_and_slow_noise_are_separated():
     rng, t = np.random.default_rng(0), np.arange(0.0, 30.0, 0.005)
     slope = np.column_stack([t, t**2, np.sin(t / 20)])
     white = 0.04 * rng.standard_normal((len(t), 3))
@@ -287,14 +287,14 @@ def test_white_noise_and_slower_noise_are_told_apart():
     assert fewer.freedom < slow.freedom < calm.freedom
 
 
-def test_noise_of_gaps_and_of_nothing():
+def test_noise_is_estimated_with_gaps_and_without_samples():
     t = np.concatenate([np.arange(0.0, 2.0, 0.005), np.arange(5.0, 7.0, 0.005)])
     steps = np.where(t < 3.0, 0.0, 50.0)[:, None] + np.zeros((1, 2))
     assert block_noise(steps, t, np.zeros(len(t)), [slice(0, len(t))]).white.max() < 1e-12
     assert block_noise(steps, t, np.zeros(len(t)), []).white.min() > 0.0
 
 
-def test_what_sticks_in_joints_that_a_lift_hardly_turns_is_none_of_the_load(lifted):
+def test_stiction_in_slow_joints_is_not_part_of_the_load(lifted):
     """Their friction is what the last motion before left in them, and goes as they turn a little."""
 
     def with_friction(level):
@@ -325,7 +325,7 @@ def bumps(samples):
     return np.where(beside[:, None], wandering, 0.0)
 
 
-def test_what_the_ground_does_to_a_dragged_object_is_no_noise_of_the_arm(bench, noises):
+def test_ground_forces_on_a_dragged_object_are_not_noise_of_the_arm(bench, noises):
     b = bench(noises["none"], 1)
     above, grasp, there = (0.5, 0.1, 0.32), (0.5, 0.1, 0.2), (0.5, 0.18, 0.2)
     for _ in range(2):

@@ -24,7 +24,7 @@ def test_a_box_is_what_it_weighs():
     assert about_centre(theta) == pytest.approx([*expected, 0.0, 0.0, 0.0])
 
 
-def test_whatever_the_numbers_are_it_is_a_body():
+def test_any_numbers_give_a_physical_body():
     rng = np.random.default_rng(0)
     for _ in range(50):
         theta = rng.normal(0.0, 1.5, 10)
@@ -36,7 +36,7 @@ def test_whatever_the_numbers_are_it_is_a_body():
         assert moments[2] < moments[0] + moments[1]
 
 
-def test_it_is_the_same_body_in_another_frame():
+def test_a_body_in_another_frame_has_the_same_invariants():
     theta = of_box(0.4, np.array([0.1, 0.0, 0.02]), np.array([0.2, 0.06, 0.04]))
     turned = Pose.of((0.3, -0.1, 0.2), (np.cos(0.3), 0.0, np.sin(0.3), 0.0))
     there = linear(move_inertia(pseudo_inertia(theta), turned))

@@ -36,7 +36,7 @@ def test_less_than_a_cycle_of_free_air_shows_none():
     assert not joint_ripple(Q, RIPPLE, short, CYCLES).any()
 
 
-def test_only_an_arm_of_known_gears_has_it(bench, noises):
+def test_only_an_arm_with_known_gears_has_ripple(bench, noises):
     b = bench(noises["lab"], 0)
     b.go("mat_approach", (0.5, 0.0, 0.32))
     b.descend(lambda z: max(0.0, 0.28 - z) * 1000, "mat")
@@ -46,6 +46,6 @@ def test_only_an_arm_of_known_gears_has_it(bench, noises):
     assert not ripple_force(unknown, rows, np.ones(len(trace.samples), dtype=bool)).any()
 
 
-def test_gears_are_told_of_the_arms_that_were_recorded():
+def test_gears_are_stated_for_recorded_arms():
     assert load_description("fr3").nominal.ripple_cycles == (240.0,) * 4 + (160.0,) * 3
     assert load_description("iiwa14").nominal.ripple_cycles is None

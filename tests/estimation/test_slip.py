@@ -31,14 +31,14 @@ def test_a_drooping_end_that_meets_the_support_carries_it_along(body):
     assert moved == pytest.approx(drooped * (0.012 + HIGHER))
 
 
-def test_what_it_slides_along_the_fingers_stays_and_what_it_sinks_is_gone():
+def test_sliding_along_the_fingers_lasts_and_sinking_ends_at_the_support():
     in_hand = slid(FROM_ABOVE, 2.0).T
     assert in_hand == pytest.approx(np.array([[2.0, 0, 0], [0, 0, -2.0]]))
     lying = put_down(1.0).slid.T
     assert lying == pytest.approx(np.array([[2.0, 0, 0], [0, 0, 0]]))
 
 
-def test_only_what_was_put_down_before_counts():
+def test_only_objects_put_down_before_count():
     first, second = put_down(1.0), put_down(5.0)
     assert before(1.0, [first, second]) == []
     assert before(5.0, [first, second]) == [first]

@@ -68,7 +68,7 @@ def swing(ringing):
 
 
 @pytest.mark.parametrize("ringing", [0.0, 0.01])
-def test_what_a_body_resists_with_is_found_however_the_hand_follows(ringing):
+def test_the_inertia_is_found_for_any_lag_of_the_hand(ringing):
     trace, recording = swing(ringing)
     (found,) = swings(trace, recording, QUIET)
     theta = np.concatenate([[MASS], FIRST, np.diag(TENSOR), np.zeros(3)])
@@ -94,11 +94,11 @@ def test_a_load_is_expected_to_droop_and_never_to_rise():
     assert drawn.std(axis=0) == pytest.approx(SPREAD, rel=0.01)
 
 
-def test_a_grasp_of_which_nothing_is_told_has_no_age():
+def test_a_grasp_without_a_recorded_time_has_no_age():
     assert Droop.since(-np.inf, 20.0, 0.2).age == 0.0
 
 
-def test_slow_noise_is_told_at_the_swings_own_frequency():
+def test_slow_noise_is_estimated_at_the_frequency_of_the_swing():
     trace, recording = swing(0.0)
     wandering = SignalLevels(np.zeros(6), np.full(6, 4e-4), np.inf)
     found = swings(trace, recording, wandering)[0]

@@ -41,7 +41,7 @@ def hammer():
     return recorded("hammer")
 
 
-def test_it_is_narrower_than_the_contrast_along_the_path_and_right(trace):
+def test_the_fit_is_narrower_than_the_contrast_along_the_path_and_calibrated(trace):
     weight = weigh(trace, trace.recordings[-1])
     assert weight.whole is not None
     assert abs(weight.mass - TRUTH) < 3.0 * weight.std
@@ -64,11 +64,11 @@ def spoilt_by(trace, torque: np.ndarray):
     return whole.std / before.std
 
 
-def test_what_the_model_does_not_explain_widens_it(trace):
+def test_unexplained_residuals_widen_the_fit(trace):
     assert spoilt_by(trace, 0.1 * np.sin(3.0 * trace.samples.t)) > 1.5
 
 
-def test_what_returns_with_the_angle_widens_it_less(trace):
+def test_residuals_that_repeat_with_the_angle_widen_the_fit_less(trace):
     """Ripple is the same with and without the load, and most of it cancels."""
     q = trace.samples.q[:, 1]
     assert spoilt_by(trace, 0.1 * np.sin(30.0 * q)) < 1.5
@@ -102,7 +102,7 @@ def test_the_way_back_after_a_drag_counts_as_without_one(in_one_go):
     assert len(after) >= 10
 
 
-def test_what_hangs_askew_is_free_only_when_its_far_end_is(hammer):
+def test_a_tilted_load_is_free_when_its_far_end_is(hammer):
     body = hammer.scene.bodies["hammer"]
     found = find_holds(hammer.trace, body)
     assert found is not None
@@ -121,7 +121,7 @@ def test_moments_of_a_long_object_are_narrower_than_from_its_holds_and_agree(ham
     assert np.all(np.abs(found.load.value - contrast.value) < 3.0 * wider)
 
 
-def test_what_errors_of_links_and_gains_do_to_moments_is_in_their_deviation(hammer):
+def test_errors_of_links_and_gains_are_in_the_deviation_of_moments(hammer):
     found = find_holds(hammer.trace, hammer.scene.bodies["hammer"])
     assert found is not None
     shared = np.array([one.effect for one in found.load.shared]).T

@@ -85,7 +85,7 @@ def test_a_program_runs_and_prints_what_it_promises(program: Path, tmp_path: Pat
     assert list(tmp_path.iterdir()) == [], "a program leaves nothing behind"
 
 
-def test_there_is_one_program_for_each_way_in() -> None:
+def test_every_entry_point_has_an_example_program() -> None:
     assert [program.stem for program in PROGRAMS] == sorted(PRINTED)
     assert len(PROGRAMS) >= 8
 

@@ -23,7 +23,7 @@ SCENE = """<mujoco model="desk"><worldbody>
 </worldbody></mujoco>"""
 
 
-def test_from_a_question_mark_to_the_twin(tmp_path: Path) -> None:
+def test_rolling_friction_gets_from_a_question_mark_to_the_twin(tmp_path: Path) -> None:
     info = tmp_path / "site" / "palpate_rolling-1.0.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: palpate-rolling\nVersion: 1.0\n")

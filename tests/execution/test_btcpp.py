@@ -49,7 +49,7 @@ def test_the_document_names_its_main_tree():
     assert len(tree) == 1
 
 
-def test_structure_arguments_and_buffers():
+def test_the_xml_has_structure_arguments_and_buffers():
     sequence = document().find("BehaviorTree/Sequence")
     assert sequence is not None
     assert sequence.get("name") == "weigh"

@@ -48,7 +48,7 @@ def test_a_robot_that_hands_out_no_more_samples_still_puts_down(lifting, scene, 
     assert [call for call, _ in robot.calls].count("open_gripper") == 1
 
 
-def test_a_run_goes_on_when_nobody_can_watch_it(plan, node, scene, robot, words, caplog):
+def test_a_run_goes_on_without_a_working_observer(plan, node, scene, robot, words, caplog):
     seen = []
 
     class Broken:

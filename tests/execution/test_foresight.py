@@ -50,7 +50,7 @@ def test_agreement_within_a_millimetre_corrects_nothing() -> None:
     assert moved_by(HELD, {}) is HELD
 
 
-def test_a_thing_that_ended_elsewhere_is_believed_there() -> None:
+def test_an_object_that_ended_elsewhere_is_believed_there() -> None:
     state, true = (
         SymbolicState(SCENE),
         SCENE.body("can").pose_world.translate((0.004, -0.008, 0.0)),
@@ -147,7 +147,9 @@ def test_an_error_of_the_measured_weight_contradicts_nothing() -> None:
         (0.060, 16.0, "'can' pulls with 16.0 N, and with 1.5 to 4.0 N then"),
     ],
 )
-def test_what_was_not_rehearsed_stops_the_run(width: float, weight: float, said: str) -> None:
+def test_a_deviation_from_the_rehearsal_stops_the_run(
+    width: float, weight: float, said: str
+) -> None:
     load = FingerLoad(np.zeros(6)).set_hanging_load(
         np.array([0.0, 0.0, weight, 0.0, 0.0, 0.0]), TCP
     )

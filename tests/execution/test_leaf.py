@@ -231,7 +231,7 @@ def test_nothing_begins_to_move_after_a_failure(words, blackboard, robot):
     ("way", "lingers"),
     [((0, 0, 0.1), True), ((0.1, 0, 0), True), ((0.1, 0, -0.05), True), ((0.05, 0, -0.1), False)],
 )
-def test_what_a_hand_pressed_with_lingers_unless_it_presses_on(blackboard, way, lingers) -> None:
+def test_a_contact_force_lingers_unless_the_hand_presses_on(blackboard, way, lingers) -> None:
     blackboard.pressed = (0.0, 0.0, -9.0)
     blackboard.clear_pressed_force(np.array(way))
     assert (blackboard.pressed == (0.0, 0.0, -9.0)) == lingers

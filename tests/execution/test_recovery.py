@@ -219,7 +219,7 @@ def test_person_may_let_a_stopped_arm_continue_and_the_result_says_so(
 @pytest.mark.parametrize(
     ("policy", "second"), [("replan", ["dry", "wet"]), ("skip", ["dry"]), ("stop", None)]
 )
-def test_where_it_failed_comes_last_or_not_again(
+def test_a_failed_pose_is_tried_last_or_not_again(
     scene: Scene, ended: Execution, policy: OnFailure, second: list[str] | None
 ) -> None:
     context = Context("still", at="wet_pose", holding="wet")

@@ -78,7 +78,7 @@ def test_a_harmless_plan_passes_in_every_world() -> None:
     assert str(predicted).startswith("in 3 worlds, 12 actions")
 
 
-def test_what_a_load_has_kept_from_tipping_falls_and_its_lift_is_named() -> None:
+def test_a_body_that_tips_without_its_load_is_named_with_the_lift() -> None:
     cell = scene(PLANK)
     plan = weighing(cell, "weight")
     predicted = rehearse(plan, cell)
@@ -164,7 +164,7 @@ def test_a_plan_is_as_long_as_its_motions_of_each_kind() -> None:
     assert not quick.is_too_slow, "854 s, fewer than half as many again as may be"
 
 
-def test_a_thing_that_ends_elsewhere_than_believed_is_a_finding() -> None:
+def test_an_object_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     """The fingers close beside its middle and push it on a smooth table by 8 mm."""
     there = "can_pose + 0.8*y_offset"
     smooth = CAN.replace("<geom", '<geom friction=".02 0 0" priority="1"')
@@ -197,7 +197,7 @@ def test_a_run_stops_where_something_that_no_scene_shows_is_in_the_thing() -> No
     assert done.held.became == "put down"
 
 
-def test_a_load_that_the_hand_lowers_beside_its_support_is_not_falling() -> None:
+def test_a_load_lowered_next_to_its_support_is_not_falling() -> None:
     """It hangs 60 mm below its place on a block, and goes back there."""
     block = '<body name="block" pos=".5 .1 .06"><geom type="box" size=".02 .02 .06"/></body>'
     cell = scene(block + CAN.replace(".5 .1 .06", ".5 .1 .18"))

@@ -47,7 +47,7 @@ def kept(folder: Path) -> Path:
     return folder
 
 
-def test_what_was_rehearsed_is_read_again(tmp_path: Path) -> None:
+def test_a_rehearsal_is_read_back(tmp_path: Path) -> None:
     again = kept_rehearsal(kept(tmp_path), PLAN, parse_scene(TEXT))
     assert again == SEEN
     assert again is not None

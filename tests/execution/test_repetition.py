@@ -122,7 +122,7 @@ def weighed() -> Weighed:
     return Weighed(plan, scene, run(plan, scene, robot))
 
 
-def test_without_a_width_nothing_is_repeated(weighed) -> None:
+def test_a_plan_without_a_width_repeats_nothing(weighed) -> None:
     nothing: Any = None
     done = repeat(weighed.execution, weighed.plan, weighed.scene, nothing, Within(), nothing, print)
     assert done is weighed.execution
@@ -175,9 +175,7 @@ def test_a_round_that_fails_leaves_what_the_first_one_measured(weighed) -> None:
         (120.0, 1),
     ],
 )
-def test_rounds_end_however_much_more_would_narrow_it(
-    weighed, monkeypatch, seconds, rounds
-) -> None:
+def test_the_number_of_rounds_is_bounded(weighed, monkeypatch, seconds, rounds) -> None:
     """Of rounds, and of robot time."""
     monkeypatch.setattr(repetition, "FUTILE", 2.0)
     gone, mass = idle(weighed, seconds)

@@ -155,7 +155,7 @@ def once_lifted(support_z):
 
 
 @pytest.mark.parametrize("height", [0.2, TABLE + 0.002])
-def test_without_support_below_the_object_stays_in_the_fingers(
+def test_an_object_without_support_below_stays_in_the_fingers(
     plan, node, scene, robot, words, carrying, height
 ):
     """Also where it was lifted, and is nearly at its place again."""
@@ -171,7 +171,7 @@ def test_without_support_below_the_object_stays_in_the_fingers(
 
 
 @pytest.mark.parametrize(("higher", "put_down"), [(-0.01, True), (0.015, True), (0.03, False)])
-def test_only_what_is_met_where_the_support_is_believed_is_one(
+def test_a_contact_counts_as_support_only_at_the_believed_height(
     plan, node, scene, robot, words, carrying, higher, put_down
 ):
     """A believed pose is 20 mm off at most: what is met higher up is something else."""
@@ -363,7 +363,7 @@ def test_an_observer_sees_every_tick_and_keeps_final_statuses(plan, node, scene,
 
 
 @pytest.mark.parametrize("error", [OSError("the disk is full"), SystemExit("no terminal")])
-def test_who_watches_and_who_writes_cannot_stop_the_arm_and_is_left_out_after_a_failure(
+def test_a_failing_observer_or_writer_is_dropped_and_the_arm_goes_on(
     plan, node, scene, robot, words, error
 ):
     calls = []
@@ -378,7 +378,7 @@ def test_who_watches_and_who_writes_cannot_stop_the_arm_and_is_left_out_after_a_
     assert sorted(calls) == [1, 2]
 
 
-def test_only_a_stop_that_nobody_wanted_with_empty_fingers_may_be_continued(
+def test_only_an_unrequested_stop_with_empty_fingers_may_be_continued(
     plan, node, scene, robot, words
 ):
     done = run(plan(node("Refuse")), scene, robot, words=words)

@@ -43,7 +43,7 @@ def world_file(folder: Path, **changes: str) -> Path:
     return path
 
 
-def test_without_a_world_the_unknowns_are_drawn_the_same_for_the_same_seed() -> None:
+def test_unknowns_without_a_world_are_drawn_by_the_seed() -> None:
     scene = parse_scene(text())
     one, again, other = (simulated_cell(scene, seed=seed) for seed in (1, 1, 2))
     assert one.world is scene
@@ -135,7 +135,7 @@ def test_a_world_in_which_nothing_can_be_weighed_is_refused(option: str, message
         cell.robot()
 
 
-def test_on_the_moon_things_are_lighter() -> None:
+def test_objects_are_lighter_on_the_moon() -> None:
     scene = parse_scene(text(option='<option gravity="0 0 -1.62"/>'))
     robot = simulated_cell(scene, noise="none").robot()
     assert robot.gravity == pytest.approx(1.62)

@@ -255,7 +255,7 @@ def test_robot_without_a_state_ends_running_leaves_and_holds():
     assert held
 
 
-def test_a_thing_is_put_on_another_only_where_it_stood_on_it() -> None:
+def test_an_object_is_put_on_another_only_where_it_stood_on_it() -> None:
     state = SymbolicState(parse_scene(CELL.format(cup="", more=STACK)))
     found = state.pose_of("can")
     assert unproven(state, "can", found) is None
@@ -680,7 +680,7 @@ def test_an_object_is_lowered_only_where_the_way_is_clear(aside, told) -> None:
     assert bool(robot.moves) == (told == "put cup down")
 
 
-def test_the_fate_of_what_was_held_is_told() -> None:
+def test_the_end_of_a_held_object_is_reported() -> None:
     assert HeldObject("cup", "put down").warning is None
     assert HeldObject("cup", "held").warning == "the fingers still hold 'cup'"
     assert "what was grasped was not put down" in str(HeldObject(None, "lost").warning)

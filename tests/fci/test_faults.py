@@ -127,7 +127,7 @@ def test_torques_that_jump_are_refused(client: Any) -> None:
     assert "controller_torque_discontinuity" in failure(client)
 
 
-def test_what_desk_has_for_an_end_effector_is_told_and_compensated(
+def test_the_end_effector_set_in_desk_is_reported_and_compensated(
     client: Any, bench: Served
 ) -> None:
     passed(client, RESTS)

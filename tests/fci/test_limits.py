@@ -87,7 +87,7 @@ def test_an_arm_that_is_driven_too_fast(arm: Any) -> None:
     ("step", "error"),
     [(5e-3, Error.JOINT_MOTION_VELOCITY_LIMITS), (2e-3, Error.JOINT_VELOCITY_DISCONTINUITY)],
 )
-def test_a_joint_motion_that_jumps(arm: Any, step: float, error: Error) -> None:
+def test_a_joint_motion_that_jumps_is_refused(arm: Any, step: float, error: Error) -> None:
     move(arm, MotionMode.JOINT_POSITION, ControllerMode.JOINT_IMPEDANCE)
     q = arm.state.fields["q_d"].astype(float)
     command(arm, q_c=q)

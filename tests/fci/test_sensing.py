@@ -64,7 +64,7 @@ def test_the_gains_are_those_of_the_robot_with_this_seed(seed: int) -> None:
     assert felt[3] / given[3] - 1.0 == pytest.approx(drawn[3], abs=0.004)
 
 
-def test_an_arm_that_is_held_stands_still_however_its_encoders_are_off() -> None:
+def test_a_held_arm_stands_still_in_spite_of_encoder_errors() -> None:
     """Joints that give way, pads, ripple, noise: none of it is fed back into a hum."""
     made = bench("hardware", seed=2)
     start, fastest = made.plant.q.copy(), 0.0

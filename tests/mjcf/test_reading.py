@@ -177,7 +177,7 @@ def beside(tmp_path: Path, name: str = "share") -> Path:
 
 
 @pytest.mark.parametrize("root", [None, ".", ".."])
-def test_files_beside_the_scenes_folder_are_read(tmp_path: Path, root: str | None) -> None:
+def test_files_outside_the_scenes_folder_are_read(tmp_path: Path, root: str | None) -> None:
     scene = beside(tmp_path)
     share = tmp_path / "share"
     found = load_scene(scene, root=None if root is None else share / root)

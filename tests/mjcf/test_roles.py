@@ -42,7 +42,7 @@ INERTIAL = '<inertial pos="0 0 0.01" mass="0.2" diaginertia="1e-4 1e-4 1e-4"/>'
         ('mass="0" friction="0.4"', set()),
     ],
 )
-def test_mass_and_friction_of_an_object(geom: str, missing: set[str]) -> None:
+def test_an_object_misses_mass_and_friction(geom: str, missing: set[str]) -> None:
     if 'mass="0"' in geom:
         geom += '/><geom type="sphere" size="0.01" mass="0.1"'
     body = scene(cup(geom)).objects["cup"]
@@ -112,7 +112,7 @@ def test_visual_geoms_do_not_count_for_friction() -> None:
         ("0.5 0 ?", set()),
     ],
 )
-def test_position_of_an_object(pos: str, missing: set[str]) -> None:
+def test_the_position_of_an_object_may_be_missing(pos: str, missing: set[str]) -> None:
     body = scene(cup('mass="1" friction="1"', pos=pos)).objects["cup"]
     assert body.missing == missing
 
@@ -149,7 +149,7 @@ def test_a_stated_height_is_known() -> None:
     }
 
 
-def test_walls_balls_and_nameless_things_are_no_surfaces() -> None:
+def test_walls_balls_and_nameless_bodies_are_no_surfaces() -> None:
     found = scene(
         '<geom name="wall" type="box" size="0.01 0.5 0.5"/><geom name="ball" type="sphere" size="0.2"/>'
         '<geom type="box" size="0.3 0.3 0.1"/>'
@@ -329,7 +329,7 @@ def test_a_free_body_without_a_name_is_named_after_its_shape() -> None:
         ),
     ],
 )
-def test_of_copies_the_first_stands_for_all(opening: str, name: str) -> None:
+def test_the_first_copy_represents_all_copies(opening: str, name: str) -> None:
     tags = [tag.split()[0].strip("<>") for tag in opening.split("><")]
     closing = "".join(f"</{tag}>" for tag in reversed(tags))
     text = (
@@ -402,7 +402,7 @@ def test_a_robot_of_a_whole_attached_world_stands_where_that_has_it(tmp_path: Pa
     assert found.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0], abs=1e-6)
 
 
-def test_of_what_is_attached_twice_the_first_stands_for_all(tmp_path: Path) -> None:
+def test_the_first_attachment_represents_all_attachments(tmp_path: Path) -> None:
     (tmp_path / "shelf.xml").write_text(SHELF.format(""))
     found = parse_scene(
         """<mujoco><asset><model name="s" file="shelf.xml"/></asset><worldbody>

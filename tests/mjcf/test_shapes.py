@@ -24,7 +24,9 @@ def shapes(world: str, before: str = "") -> Shapes:
 
 @given(st.sampled_from(sorted(KINDS)), st.tuples(*[st.floats(0.01, 0.2)] * 3))
 @settings(max_examples=60, deadline=None)
-def test_volumes_and_extents(kind: str, size: tuple[float, float, float]) -> None:
+def test_shapes_have_the_volume_and_extents_of_mujoco(
+    kind: str, size: tuple[float, float, float]
+) -> None:
     numbers = " ".join(str(s) for s in size[: KINDS[kind]])
     found = shapes(
         f'<body><freejoint/><geom type="{kind}" size="{numbers}" density="1"/></body>'.replace(

@@ -64,16 +64,14 @@ def coloured(image: np.ndarray, channel: int) -> np.ndarray:
 
 @needs_gl
 @pytest.mark.parametrize("scene", FIXED)
-def test_scenes_of_a_few_small_fixed_things_have_pictures(scene: str) -> None:
+def test_scenes_of_a_few_small_fixed_bodies_have_pictures(scene: str) -> None:
     cell = simulated_cell(parse_scene(world(FIXED[scene])), seed=1)
     assert pixels(cell.picture()).std() > 5
     assert pixels(cell.closer()).std() > 5
 
 
 @needs_gl
-def test_furniture_beside_the_objects_is_in_view_as_a_whole_with_a_name_that_hides_nothing() -> (
-    None
-):
+def test_furniture_near_the_objects_is_wholly_in_view_with_a_name_that_hides_nothing() -> None:
     cell = simulated_cell(parse_scene(world(KITCHEN)), seed=1)
     named = pixels(cell.closer())
     below = np.array([0.5, 0.0, -9.0])  # of which the picture shows no name

@@ -180,7 +180,7 @@ def test_a_pose_that_cannot_be_is_one_clear_error(changed: dict[str, Any], words
 
 
 @pytest.mark.parametrize("answer", [b"", b"{", b"[" * 100_000, b'{"objects": []}', b"\xff", b"{}"])
-def test_what_is_no_answer_is_one_clear_error(answer: bytes) -> None:
+def test_an_invalid_answer_gets_one_clear_error(answer: bytes) -> None:
     with pytest.raises(InputError, match="pose estimator's answer"):
         parse_answer(answer, SCENE.objects)
 

@@ -32,7 +32,7 @@ def test_a_film_says_whether_a_camera_saw_it(monkeypatch: pytest.MonkeyPatch) ->
     assert (seen, replayed) == (Film(b"mp4", SPEED), Film(b"mp4", SPEED, believed=True))
 
 
-def test_there_is_no_film_without_frames() -> None:
+def test_a_run_without_frames_has_no_film() -> None:
     assert film_of(replace(FOOTAGE, frames=()), None) is None
 
 
@@ -58,7 +58,7 @@ def test_a_long_run_plays_faster_still() -> None:
     assert result.speed >= 6
 
 
-def test_without_pictures_there_is_no_file() -> None:
+def test_a_film_without_pictures_writes_no_file() -> None:
     assert mp4([], 10) is None
 
 

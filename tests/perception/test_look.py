@@ -118,7 +118,7 @@ def _yaml(found: looking.Seen) -> str:
 
 
 @pytest.mark.parametrize("number", [0, 7])
-def test_one_tag_tells_the_height_of_a_table(number: int) -> None:
+def test_a_single_tag_determines_the_height_of_a_table(number: int) -> None:
     """A tag on it, or on what stands on it; 12 tables that are up to 30 mm off what is believed."""
     given, random = scene(table="?"), np.random.default_rng(3)
     tag, squares = tags_of(given)[number], list[float]()
@@ -145,7 +145,7 @@ def test_a_camera_without_a_place_or_a_name_is_said() -> None:
         looking.look(bare, [], LENS)
 
 
-def test_without_tags_that_stand_still_nothing_says_where_the_camera_is() -> None:
+def test_a_camera_without_fixed_tags_has_no_pose() -> None:
     tags = tags_of(scene())
     seen = {7: np.array([[600.0, 300], [650, 300], [650, 350], [600, 350]])}
     with pytest.raises(InputError, match="where the camera is"):
@@ -179,7 +179,7 @@ def test_a_source_that_is_none_lists_the_choices(tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
-def test_a_thing_with_a_look_shows_its_tags() -> None:
+def test_a_dressed_object_shows_its_tags() -> None:
     from bench.photograph import take
 
     dressed = SCENE.replace(
@@ -189,7 +189,7 @@ def test_a_thing_with_a_look_shows_its_tags() -> None:
     assert {7, 8} <= {number for number, _ in detect(picture.pixels[..., 1].copy(), picture.lens)}
 
 
-def test_what_is_no_covariance_is_refused() -> None:
+def test_an_invalid_covariance_is_refused() -> None:
     row = "[0, 0, 0, 0, 0, 0]"
     bad = f"{{objects: {{box: {{pos: [0, 0, 0], covariance: [[-1, 0, 0, 0, 0, 0]{f', {row}' * 5}]}}}}}}"
     with pytest.raises(InputError, match="covariance"):

@@ -44,7 +44,7 @@ def test_a_bare_scene_is_lit_framed_and_has_a_sky() -> None:
 
 
 @needs_gl
-def test_before_and_after_share_a_camera() -> None:
+def test_pictures_before_and_after_share_a_camera() -> None:
     given = spec(0.45)
     before, after = (pixels(p) for p in render_before_after(given, spec(0.5), size=(320, 200)))
     assert list(given.textures) == []

@@ -64,7 +64,7 @@ def test_pictures_can_be_switched_off() -> None:
     assert "unset it" in answer
 
 
-def test_without_opengl_one_line_says_how_to_get_it() -> None:
+def test_a_missing_opengl_gets_an_install_hint() -> None:
     answer = available_under(MUJOCO_GL="egl", MUJOCO_EGL_DEVICE_ID="77")
     assert answer.startswith("False no usable OpenGL (egl:")
     assert "apt-get install" in answer

@@ -83,7 +83,7 @@ def test_a_proposal_is_accepted_by_name() -> None:
     assert scene.plan(measure=rejected.proposal).parameters == rejected.proposal
 
 
-def test_a_planner_of_ones_own_is_told_the_parameters() -> None:
+def test_a_users_planner_receives_the_parameters() -> None:
     class Asked:
         name = "asked"
         request: str | None = None

@@ -159,7 +159,7 @@ def height() -> float:
     return float(table("bottle").symbols.resolve("bottle_pose").position[2])
 
 
-def test_mass_and_height_pass() -> None:
+def test_the_papers_plans_of_mass_and_height_pass() -> None:
     assert found(read(MASS_AND_HEIGHT), table("bottle"), "table.height", "bottle.mass") == ()
 
 

@@ -73,7 +73,7 @@ def test_a_written_plan_is_read_back_unchanged_and_the_same_every_time():
     assert plan_from(plan_json(plan)) == plan
 
 
-def test_a_run_folders_plan_keeps_its_figures_beside_the_plan():
+def test_plan_json_keeps_figures_of_the_run_next_to_the_plan():
     plan = parse_plan(json.dumps(DOCUMENT))
     text = dump_plan(plan, {"model": {"rounds": 2}, "findings": [], "tree": "not overwritten"})
     assert json.loads(text)["model"] == {"rounds": 2}

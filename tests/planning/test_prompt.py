@@ -293,7 +293,7 @@ def test_the_other_modules_stay_the_same_without_one(module: str) -> None:
     assert sorted((rest + "\n" + alone).splitlines()) == sorted(whole.splitlines())
 
 
-def test_without_all_there_is_no_system_prompt(scene: Scene) -> None:
+def test_a_system_prompt_without_modules_is_none(scene: Scene) -> None:
     prompt = compose(vocabulary(), "weigh the cup", scene, without=["all"])
     assert prompt.system == ""
     assert "weigh the cup" in prompt.user
@@ -352,7 +352,7 @@ def test_the_prompt_slides_as_far_as_the_symbolic_planner() -> None:
     assert f"{mm(SLIDE)} along {first}, then to {mm(ASIDE)} along {then}" in told
 
 
-def test_what_only_a_renderer_reads_is_not_sent() -> None:
+def test_rendering_elements_are_not_sent() -> None:
     drawn = """<mujoco><visual><headlight ambient=".4 .4 .4"/></visual>
   <asset>
     <texture name="t" type="2d" builtin="checker" rgb1="1 1 1" width="8" height="8"/>
@@ -378,14 +378,14 @@ def test_what_only_a_renderer_reads_is_not_sent() -> None:
     assert "asset" not in bare
 
 
-def test_fifteen_objects_are_told_in_few_lines() -> None:
+def test_fifteen_objects_take_few_lines() -> None:
     prompt = prompt_of("fifteen_objects")
     poses = prompt.user.partition("# Named poses")[2]
     assert len(poses.splitlines()) < 35
     assert len(prompt.user) < 6000
 
 
-def test_neither_request_nor_scene_is_an_error() -> None:
+def test_a_prompt_without_request_and_scene_is_an_error() -> None:
     with pytest.raises(InputError, match="neither a request nor a scene"):
         compose(vocabulary(), " ", None)
 

@@ -116,7 +116,7 @@ def test_closing_on_nothing_fails_and_says_so(perform, scene) -> None:
     assert state.holding is None
 
 
-def test_what_a_picture_shows_and_the_fingers_miss_is_told_with_its_place(perform, scene) -> None:
+def test_an_empty_grasp_of_a_seen_object_names_its_place(perform, scene) -> None:
     text = scene.text.replace('name="cup" pos="0.5 0.1', 'name="cup" pos="0.3 0.4')
     seen = {name: replace(body, seen=True) for name, body in scene.bodies.items()}
     pictured = replace(scene, bodies=seen)
@@ -181,7 +181,7 @@ def test_a_can_taken_by_its_rim_is_let_go_where_it_stands(lower, said) -> None:
 
 
 @pytest.mark.parametrize("beside", [0.010, 0.012])
-def test_a_can_beside_the_middle_of_the_pads_is_carried_as_it_was_grasped(perform, beside) -> None:
+def test_a_can_off_the_middle_of_the_pads_is_carried_as_grasped(perform, beside) -> None:
     """The pads' edges have it, and friction holds it: it meets them at 10 degrees at most."""
     believed, true = can(), can(0.5 + beside)
     above, at = ("MovePose", "can_pose + z_offset"), ("MovePose", "can_pose")

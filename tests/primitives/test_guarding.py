@@ -51,7 +51,7 @@ def test_a_support_that_is_met_early_ends_the_way_down(rest):
     assert SET_DOWN < pressed < SET_DOWN + max(-rest, 0.0) + 4.0
 
 
-def test_a_thing_is_pressed_on_its_support_with_more_than_carrying_explains():
+def test_a_force_above_that_of_carrying_means_a_pressed_object():
     robot = StandIn()
     robot.weight, robot.support_z = 12.0, robot.state.pose_world_tcp.position[2] - 0.001
     state = SymbolicState(parse_scene(CELL), holding="cup", pose_tcp_object=IN_HAND, lifted=True)

@@ -42,7 +42,7 @@ def test_the_handle_is_moved_where_it_is_grasped_and_above_it(drawer):
     assert rules(MoveHandle(), at(drawer, "cabinet_approach")) == ["gripper-state"]
 
 
-def test_what_is_recorded_meanwhile_is_of_the_fixture_or_of_the_empty_hand(drawer):
+def test_recordings_with_a_handle_are_of_the_fixture_or_the_empty_hand(drawer):
     held = MoveHandle().during(at(drawer)).context()
     assert (held.activity, held.holding) == ("working", "drawer")
     empty = MoveHandle().during(at(drawer, "drawer_pose + z_offset")).context()
@@ -94,7 +94,7 @@ def test_a_way_ends_short_of_a_limit_that_was_met(drawer):
 
 
 @pytest.mark.long
-def test_a_limit_that_nobody_stated_is_met_slowly_and_said(tmp_path):
+def test_an_unstated_limit_is_approached_slowly_and_reported(tmp_path):
     """At 20 mm no pass is left: the handle is let go of where it was found."""
     given = scenario("drawer").settings()
     known = given.scene.read_text().replace('range="0 0.22"', 'range="0 ?"')

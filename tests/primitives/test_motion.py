@@ -77,7 +77,7 @@ def test_lifting_carries_the_object_and_setting_down_restores_it(start, after, r
 @pytest.mark.parametrize(
     ("slipped", "early"), [(0.004, 0.0), (0.006, 0.006), (0.019, 0.019), (0.021, None)]
 )
-def test_what_slipped_in_the_pads_meets_its_support_early(
+def test_an_object_that_slipped_meets_its_support_early(
     start, make, after, reached, slipped: float, early: float | None
 ) -> None:
     """The cup hangs lower in the hand than where it was grasped; the motion down ends as it stands."""
@@ -172,7 +172,7 @@ def test_a_probe_ends_where_it_is_believed_to_touch(start, after) -> None:
     assert state.at == "table_approach"
 
 
-def test_what_a_sideways_probe_touches_tells_no_height(start, make) -> None:
+def test_a_sideways_probe_measures_no_height(start, make) -> None:
     low = replace(
         start, at="beside", gripper="closed", pose_world_tcp=Pose.top_down((0.65, 0.1, 0.08), 0.0)
     )
@@ -218,7 +218,7 @@ def test_a_slide_presses_hardest_halfway(perform, reached) -> None:
 
 
 @pytest.mark.parametrize(("thick", "stopped"), [(0.010, False), (0.022, True)])
-def test_what_is_met_well_above_its_place_is_no_support(perform, scene, reached, thick, stopped):
+def test_a_contact_far_above_the_support_is_no_support(perform, scene, reached, thick, stopped):
     """A slab that no scene shows, where the cup is to stand: a believed pose is 20 mm off at most."""
     there = "cup_pose + 6*y_offset"
     x, y, _ = (scene.symbols.resolve(there)).position

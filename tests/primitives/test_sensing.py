@@ -46,7 +46,7 @@ def test_contact_is_expected_while_sensing_only_where_a_body_is_touched(start, m
     assert expected(replace(start, holding="cup")) == Expectation(holding=True, grasped=True)
 
 
-def test_windows_alone_and_beside_a_motion(perform) -> None:
+def test_windows_are_recorded_alone_and_in_parallel_with_a_motion(perform) -> None:
     done = perform(
         "OpenGripper",
         LIFT,

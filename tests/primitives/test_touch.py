@@ -59,7 +59,7 @@ def test_drift_with_position_is_free_air(slope) -> None:
 
 
 @pytest.mark.parametrize("stiffness", [100.0, 1000.0, 1e5])
-def test_a_contact_is_none_however_soft(stiffness) -> None:
+def test_a_soft_contact_is_not_taken_for_drift(stiffness) -> None:
     air, felt = descended(lambda travelled: max(0.0, travelled - 0.02) * stiffness)
     assert felt > 5.0
     assert 0.0 <= air <= DRIFT_MOST[2]

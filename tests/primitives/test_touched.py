@@ -98,7 +98,7 @@ def test_a_probe_from_the_side_moves_the_grasp_to_the_thing() -> None:
     assert belief.std(np.array([0.0, 1.0, 0.0])) < 0.0012
 
 
-def test_a_probe_from_above_tells_the_height_of_the_top() -> None:
+def test_a_probe_from_above_measures_the_height_of_the_top() -> None:
     """All 2 mm lower than seen."""
     state, _ = done((0.5, 0.1, 0.048), *ABOVE, table=-0.032)
     belief = state.seen["cup"]
@@ -121,7 +121,7 @@ def test_nothing_is_believed_of_what_nothing_says_how_sure_it_is() -> None:
     assert state.seen == {}
 
 
-def test_named_poses_go_with_a_thing_but_a_place_to_put_it_down_does_not() -> None:
+def test_named_poses_move_with_an_object_but_its_put_down_place_stays() -> None:
     scene = told()
     moved = correct_body(scene, "cup", Pose.of((0.01, 0.0, 0.002)))
     for name in ("cup_pose", "cup_top", "cup_balance"):

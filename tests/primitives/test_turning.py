@@ -151,7 +151,7 @@ def test_no_joint_comes_round_from_its_other_end(scene):
     assert Turn(degrees=150.0).violations(far) == []
 
 
-def test_recording_beside_a_turn_has_its_activity(scene):
+def test_a_recording_in_parallel_with_a_turn_has_its_activity(scene):
     state = above(scene, 0.15, "bar")
     assert Swing().during(state).context().activity == "swinging"
     assert Tilt().during(state).context().activity == "tilting"
@@ -220,7 +220,7 @@ def test_a_height_of_a_centre_of_mass_is_asked_for_in_words(scene, request_):
 
 
 @pytest.mark.long
-def test_a_turn_about_the_vertical_tells_of_a_centre_of_mass(tmp_path):
+def test_a_turn_about_the_vertical_is_evidence_of_a_centre_of_mass(tmp_path):
     run = measured(
         tmp_path,
         BAR.format(inertial='<inertial pos="? ? ?" mass="?" diaginertia="? ? ?"/>', mass=""),

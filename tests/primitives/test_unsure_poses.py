@@ -64,7 +64,7 @@ def test_a_neighbour_is_passed_by_three_deviations(std: float, blocked: bool) ->
     assert bool(collisions(above, after)) is blocked
 
 
-def test_a_motion_is_guarded_as_far_as_a_thing_may_be() -> None:
+def test_a_motion_is_guarded_in_the_region_where_an_object_may_be() -> None:
     start, end = Pose.top_down((0.41, -0.2, 0.08), 0.0), Pose.top_down((0.41, 0.2, 0.08), 0.0)
 
     def guarded(scene: Scene) -> float:

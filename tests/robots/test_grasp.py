@@ -27,7 +27,7 @@ def test_a_square_box_is_grasped_across_the_direction_to_it(place) -> None:
     assert abs(closing(*place, 0.025) @ away) < np.sin(np.radians(60.0))
 
 
-def test_a_narrow_box_is_grasped_across_its_narrow_side_however_the_wrist_turns() -> None:
+def test_a_narrow_box_is_grasped_across_its_narrow_side_for_any_wrist_angle() -> None:
     assert abs(closing(0.36, 0.0, 0.037)[0]) == pytest.approx(1.0)
 
 

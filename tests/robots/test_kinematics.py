@@ -122,7 +122,7 @@ def test_the_result_is_the_callers_own():
     assert second.any()
 
 
-def test_joint_limits():
+def test_solutions_respect_joint_limits():
     low, high = ARM.limits.q_min, ARM.limits.q_max
     assert within_joint_limits(ARM, np.array(HOME))
     assert within_joint_limits(ARM, (low + high) / 2)

@@ -59,7 +59,7 @@ def written(folder: Path, text: str = EVERYTHING) -> Path:
     return path
 
 
-def test_the_camera_stands_beside_the_arm_where_no_poses_have_one(tmp_path: Path) -> None:
+def test_the_camera_of_the_arm_is_used_if_no_poses_have_one(tmp_path: Path) -> None:
     arm = apply_calibration(ARM, read_config(written(tmp_path)))
     base = Pose.of((0.0, 0.5, 0.7), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
     camera = seen_by(Poses(), arm, base).camera
@@ -183,7 +183,7 @@ def test_a_written_robot_yaml_reads_the_same(tmp_path: Path) -> None:
     assert [path.name for path in (tmp_path / "new").iterdir()] == ["robot.yaml"]
 
 
-def test_a_request_tells_its_robot_config(tmp_path: Path) -> None:
+def test_a_request_states_its_robot_config(tmp_path: Path) -> None:
     path = written(tmp_path)
     settings = Settings(request="the mass of the cup", robot_config=path)
     assert settings_from(request_json(settings)).robot_config == path

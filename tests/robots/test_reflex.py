@@ -43,7 +43,7 @@ def test_a_load_may_hang_on_the_hand_but_not_press_on_it() -> None:
     assert carrying.fired(wrench(0, 0, -21))
 
 
-def test_what_a_hand_pressed_with_may_linger_but_a_new_force_is_met_as_ever() -> None:
+def test_a_pressing_force_may_linger_but_a_new_force_triggers() -> None:
     leaving = Reflex(12.0, 6.0, pressed=(0.0, 3.0, -11.0))
     assert leaving.fired(wrench(0, 4, -12)) is None, "friction turns round on the way"
     for force in (wrench(0, 0, 12.5), wrench(12.5, 0, 0), wrench(-9, 12, -11), wrench(0, 3, -23.5)):

@@ -74,7 +74,7 @@ def wrench(*force, torque=(0.0, 0.0, 0.0)):
     return np.array([*force, *torque])
 
 
-def test_an_arm_at_rest_is_safe_whatever_is_expected():
+def test_an_arm_at_rest_is_safe_for_any_expectation():
     for expected in (FREE, HOLDING, CONTACT):
         assert violation(state(), LIMITS, expected) is None
 

@@ -140,7 +140,7 @@ def test_a_perfect_sensor_may_rest_and_a_noisy_one_may_not() -> None:
         assert (watched.fault is None) == (found is None)
 
 
-def test_one_torque_sensor_of_seven_stands() -> None:
+def test_a_single_frozen_torque_sensor_is_detected() -> None:
     def one(samples: Samples, first: RobotState) -> Samples:
         torques = samples.tau_ext.copy()
         torques[:, 2] = first.tau_ext[2]

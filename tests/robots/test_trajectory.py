@@ -146,7 +146,7 @@ def test_quintic_meets_both_ends() -> None:
 
 
 @given(st.tuples(*[st.floats(-1.5, 1.5)] * 3))
-def test_turning_by_the_rotation_vector_between_two_orientations(
+def test_a_trajectory_turns_by_the_rotation_vector(
     angles: tuple[float, float, float],
 ) -> None:
     start = Pose.top_down([0, 0, 0], 0.4).quaternion
@@ -155,7 +155,7 @@ def test_turning_by_the_rotation_vector_between_two_orientations(
     assert rotation_vector(start, goal) == pytest.approx(np.array(angles), abs=1e-9)
 
 
-def test_a_pose_path_tells_its_turning_rate() -> None:
+def test_a_pose_path_has_a_turning_rate() -> None:
     origin = Pose.top_down([0, 0, 0], 0.0).quaternion
     goal = np.array([0.1, 0.0, 0.0, 0.0, 0.0, 0.8])
     path = PosePath(straight(0.0, rest(*np.zeros(6)), goal, steadily(0.5), 1.0), origin)
@@ -164,7 +164,7 @@ def test_a_pose_path_tells_its_turning_rate() -> None:
     assert middle.v[3:] == pytest.approx([0.0, 0.0, 0.4], rel=1e-3)
 
 
-def test_standing_still() -> None:
+def test_a_trajectory_to_the_same_pose_stands_still() -> None:
     path = still(3.0, np.array([1.0, 2.0]))
     assert path.end == 3.0
     assert path.sample(np.array([0.0, 9.0])) == pytest.approx(np.array([[1, 2], [1, 2]]))

@@ -54,7 +54,7 @@ def test_a_comparison_is_answered_with_its_figures(request_: str, said: str) -> 
     assert "kg (p < 1e-06)" in found
 
 
-def test_what_is_too_close_or_not_identified_stays_open() -> None:
+def test_a_comparison_of_close_or_unidentified_values_stays_open() -> None:
     request = "Is the novel heavier than the glass?"
     assert "too close to tell" in str(answer(run_with(request, novel=0.1511, glass=0.151)))
     found = answer(run_with(request, novel=0.166, glass=None))
@@ -177,7 +177,7 @@ def test_sums_are_compared(request_: str, said: str) -> None:
         ("Which one weighs the least?", "glass: glass 0.1510"),
     ],
 )
-def test_what_is_said_without_a_comparative_is_compared(request_: str, said: str) -> None:
+def test_a_question_without_a_comparative_is_compared(request_: str, said: str) -> None:
     assert str(answer(run_with(request_, novel=0.166, glass=0.151))).startswith(said)
 
 

@@ -87,7 +87,7 @@ def test_an_estimate_is_found_by_name_and_says_what_it_is(done: pp.Run) -> None:
     assert repr(mass).endswith("identified, simulated>")
 
 
-def test_what_was_not_measured_is_named_with_what_was(done: pp.Run) -> None:
+def test_an_unmeasured_parameter_is_named_with_the_measured_ones(done: pp.Run) -> None:
     with pytest.raises(KeyError, match=r"'desk.height' was not measured .* measured: mug.mass"):
         done["desk.height"]
     with pytest.raises(pp.InputError, match="'mug' names no parameter"):
@@ -111,7 +111,7 @@ def test_a_printed_scene_has_one_line_a_body() -> None:
     ("wrong", "named"),
     [({"seed": -1}, "seed="), ({"noise": "loud"}, "noise"), ({"out": "."}, "out=")],
 )
-def test_what_cannot_run_is_said_before_anybody_plans(wrong: dict[str, Any], named: str) -> None:
+def test_an_impossible_run_is_refused_before_planning(wrong: dict[str, Any], named: str) -> None:
     class Unasked:
         name = "unasked"
 
@@ -132,13 +132,13 @@ def test_a_question_is_answered() -> None:
     assert trace() is None, "no cache keeps the trace of a run"
 
 
-def test_a_run_tells_its_stages(tmp_path: Path) -> None:
+def test_a_run_reports_its_stages(tmp_path: Path) -> None:
     told: list[str] = []
     pp.run(DESK, "how heavy is the mug?", noise="none", out=tmp_path / "run", progress=told.append)
     assert (told[0], told[-1]) == ("planning", "writing the report")
 
 
-def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
+def test_drawn_values_do_not_look_measured(tmp_path: Path) -> None:
     drawn = pp.run(DESK, REQUEST, noise="none", seed=1, out=tmp_path / "run", fast=True)
     assert drawn.drawn
     result = json.loads((tmp_path / "run" / "result.json").read_text("utf-8"))
@@ -148,7 +148,7 @@ def test_what_was_drawn_does_not_look_measured(tmp_path: Path) -> None:
     assert "drawn from priors (seed 1)" in (tmp_path / "run" / "report.html").read_text("utf-8")
 
 
-def test_what_a_world_says_is_no_draw(done: pp.Run, folder: Path) -> None:
+def test_values_of_a_world_are_not_called_drawn(done: pp.Run, folder: Path) -> None:
     assert not done.drawn
     assert "drawn" not in (folder / "twin.xml").read_text("utf-8")
     assert "made up" not in (folder / "report.html").read_text("utf-8")
@@ -179,7 +179,7 @@ def test_a_plan_shows_itself_its_tree_and_its_reason() -> None:
     assert "mug" in plan.explanation
 
 
-def test_what_cannot_be_planned_is_a_rejection_that_says_why() -> None:
+def test_an_impossible_plan_is_a_rejection_with_a_reason() -> None:
     plan = pp.load(DESK).plan("the temperature of the mug")
     assert plan.tree is None
     assert repr(plan).startswith("<Plan by symbolic: rejected: ")
@@ -357,7 +357,7 @@ def test_an_unknown_keyword_is_a_type_error_that_names_the_nearest(
         verb(*given, **{wrong: None})
 
 
-def test_a_keyword_like_no_other_is_told_what_there_is() -> None:
+def test_an_unknown_keyword_lists_the_valid_ones() -> None:
     with pytest.raises(TypeError, match="no argument 'xyzzy'; it takes source, poses, arm"):
         pp.load(DESK, xyzzy=1)  # type: ignore[call-arg]
 
@@ -373,7 +373,7 @@ def test_a_parameter_may_be_named_by_itself() -> None:
     assert pp.load(DESK).plan(measure=None).run_so_far.settings.measure == ()
 
 
-def test_what_the_planner_cannot_be_is_named() -> None:
+def test_an_invalid_planner_is_named() -> None:
     with pytest.raises(pp.InputError, match="planner=: Input should be a valid string"):
         pp.load(DESK).plan(REQUEST, planner=3)  # type: ignore[arg-type]
     with pytest.raises(
@@ -382,7 +382,7 @@ def test_what_the_planner_cannot_be_is_named() -> None:
         pp.load(DESK).plan(measure=3)  # type: ignore[arg-type]
 
 
-def test_what_cannot_be_used_is_said_by_every_planner() -> None:
+def test_every_planner_names_unusable_options() -> None:
     for images in ("missing.png", ["missing.png"]):
         with pytest.raises(pp.InputError, match=r"cannot read missing\.png"):
             pp.load(DESK).plan(measure=MASS, images=images)
@@ -501,7 +501,7 @@ def test_a_rejection_is_kept_and_read_too(tmp_path: Path) -> None:
 
 
 @pytest.mark.long
-def test_where_the_scenes_file_is_gone_the_measurement_is_still_there(tmp_path: Path) -> None:
+def test_a_stored_measurement_outlives_the_scenes_file(tmp_path: Path) -> None:
     file = tmp_path / "desk.xml"
     file.write_text(DESK, encoding="utf-8")
     run = pp.run(file, REQUEST, noise="none", out=tmp_path / "run", fast=True)
@@ -535,7 +535,7 @@ def test_everything_answers_in_one_short_line(done: pp.Run) -> None:
         assert len(repr(thing)) < 160
 
 
-def test_a_notebook_shows_small_tables_and_nothing_of_the_users_as_html(done: pp.Run) -> None:
+def test_a_notebook_shows_small_tables_and_escapes_text_of_the_user(done: pp.Run) -> None:
     nasty = DESK.replace('"mug"', '"&lt;b&gt;mug"')
     scene = pp.load(nasty)
     shown = scene._repr_html_()

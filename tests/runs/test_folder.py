@@ -11,7 +11,7 @@ from palpate.common.errors import InputError
 from palpate.runs.folder import default_folder, new_folder, write_json
 
 
-def test_it_appears_when_the_block_ends(tmp_path: Path) -> None:
+def test_a_folder_appears_when_the_block_ends(tmp_path: Path) -> None:
     target = tmp_path / "deep" / "down" / "run"
     with new_folder(target) as scratch:
         (scratch / "result.json").write_text("{}")

@@ -62,7 +62,7 @@ def test_the_way_down_is_predicted_from_the_recordings_before(run: pp.Run) -> No
     assert motion.chi2_template > 3 * motion.chi2
 
 
-def test_the_prediction_uses_nothing_of_the_held_out_motion(run: pp.Run) -> None:
+def test_the_prediction_uses_no_sample_of_the_held_out_motion(run: pp.Run) -> None:
     """Loads that act in it alone are found, whatever the estimate was made of."""
     assert run.held_out is not None
     motion = run.held_out.motions[0]
@@ -146,7 +146,7 @@ def test_a_trace_without_lifts_has_no_held_out_motion(run: pp.Run) -> None:
 
 
 @pytest.mark.parametrize("quantity", ["com", "com_3d"])
-def test_what_else_was_estimated_of_an_object_does_not_decide_about_its_weight(
+def test_other_estimates_of_an_object_do_not_affect_the_test_of_its_weight(
     run: pp.Run, quantity: str
 ) -> None:
     """One that is not identified without the held-out motion leaves the mass as it was."""

@@ -54,7 +54,7 @@ def test_every_format_states_units_frame_and_deviation(run: pp.Run) -> None:
             assert "inertia about the centre of mass" in text
 
 
-def test_franka_desk(run: pp.Run) -> None:
+def test_load_data_are_written_for_franka_desk(run: pp.Run) -> None:
     """The fields and lengths that Franka's documentation lists."""
     content = json.loads(run.load_data("franka-desk"))
     assert set(content) == {
@@ -68,20 +68,20 @@ def test_franka_desk(run: pp.Run) -> None:
     assert not content["id"].startswith("ee-")
 
 
-def test_libfranka(run: pp.Run) -> None:
+def test_load_data_are_written_for_libfranka(run: pp.Run) -> None:
     line = run.load_data("franka").splitlines()[-1]
     assert line.startswith("robot.setLoad(0.4, {{0.01, -0.006, 0.03}}, {{")
     np.testing.assert_allclose(np.reshape(numbers(line)[4:], (3, 3)), TENSOR, atol=1e-11)
 
 
-def test_universal_robots(run: pp.Run) -> None:
+def test_load_data_are_written_for_universal_robots(run: pp.Run) -> None:
     """Ixx, Iyy, Izz, Ixy, Ixz, Iyz: not the order of a matrix's rows."""
     line = run.load_data("ur").splitlines()[-1]
     assert line.startswith("set_target_payload(0.4, [0.01, -0.006, 0.03], [")
     np.testing.assert_allclose(numbers(line)[4:], components(TENSOR), atol=1e-11)
 
 
-def test_kuka(run: pp.Run) -> None:
+def test_load_data_are_written_for_kuka(run: pp.Run) -> None:
     """The principal axes by A, B and C, and their moments, give the tensor back."""
     line = run.load_data("kuka").splitlines()[-1]
     found = re.fullmatch(
@@ -95,7 +95,7 @@ def test_kuka(run: pp.Run) -> None:
     np.testing.assert_allclose(axes @ np.diag(moments) @ axes.T, TENSOR, atol=1e-9)
 
 
-def test_ros(run: pp.Run) -> None:
+def test_load_data_are_written_for_ros(run: pp.Run) -> None:
     content = yaml.safe_load(run.load_data("ros"))
     assert content["tool"] == {"CoG": list(COM), "gravity_field": [0.0, 0.0, -9.81], "mass": 0.4}
     assert content["sensor_frame"] == "ft_sensor"

@@ -94,7 +94,7 @@ def test_trace_can_be_read_again(folder: Path) -> None:
 
 
 @pytest.mark.long
-def test_same_seed_same_result_bit_for_bit() -> None:
+def test_equal_seeds_give_equal_results_bit_for_bit() -> None:
     settings = scenario("bottle_and_table").settings(noise="datasheet")
     first, second, other = run_seed(settings, 3), run_seed(settings, 3), run_seed(settings, 4)
     assert first == second

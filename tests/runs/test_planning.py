@@ -33,7 +33,9 @@ class Author:
         ("My sister's bottle, whatever it weighs.", False),  # not read surely
     ],
 )
-def test_what_a_request_seems_to_name_is_noted_and_overrules_nothing(request_: str, noted: bool):
+def test_a_quantity_hinted_at_in_a_request_is_noted_and_overrules_nothing(
+    request_: str, noted: bool
+):
     settings = Settings(scene=Path("desk.xml"), request=request_, planner="openai:m")
     made = planning.plan(settings, bench(BOTTLE), Author())
     assert made.plan.parameters == WEIGHED.parameters

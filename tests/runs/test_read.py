@@ -12,7 +12,7 @@ from palpate.studies.scenarios.catalogue import scenario
 pytestmark = pytest.mark.long
 
 
-def test_a_scene_that_was_seen_in_a_picture_is_the_one_that_contact_told(tmp_path: Path) -> None:
+def test_a_scene_from_a_picture_is_read_back_as_corrected_by_contact(tmp_path: Path) -> None:
     settings = scenario("from_picture").settings(noise="none", out=tmp_path / "run", fast=True)
     run = pipeline.run(settings)
     again = pipeline.reopen(tmp_path / "run")

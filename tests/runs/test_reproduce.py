@@ -12,7 +12,7 @@ from palpate.runs.settings import Settings
 from palpate.studies.scenarios.catalogue import scenario
 
 
-def test_only_what_is_not_the_default_is_said() -> None:
+def test_the_command_states_only_other_values_than_the_defaults() -> None:
     plain = Settings(scene=Path("desk.xml"))
     assert running(plain) == ["palpate", "run", "--scene", "desk.xml"]
     told = Settings(

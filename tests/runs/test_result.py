@@ -139,7 +139,7 @@ def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
     assert set(found["files"]) == {"request", "plan", "report"}
 
 
-def test_a_pose_is_told_by_sight_touch_and_both_and_a_contradiction_is_no_success() -> None:
+def test_a_pose_is_stated_by_sight_touch_and_both_and_a_contradiction_is_no_success() -> None:
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), np.diag([1e-5] * 3 + [1e-4] * 3))
     along = np.array([1.0, 0.0, 0.0])
     felt = seen.touched("probe", along, np.array([0.47, 0.1, 0.4]), 0.002)
@@ -157,7 +157,7 @@ def test_a_pose_is_told_by_sight_touch_and_both_and_a_contradiction_is_no_succes
     assert "+20.0 ± 1.0 mm along +x" in found["poses"][0]["contradiction"]
 
 
-def test_a_rehearsal_is_told() -> None:
+def test_a_rehearsal_is_in_the_result() -> None:
     assert result(replace(REJECTED, rehearsal=Rehearsal(3, 12.5, 9.9, "it slips")))[
         "rehearsal"
     ] == {
@@ -171,7 +171,7 @@ def test_a_rehearsal_is_told() -> None:
     assert result(REJECTED)["rehearsal"] is None
 
 
-def test_without_a_folder_there_are_no_files() -> None:
+def test_a_result_without_a_folder_lists_no_files() -> None:
     assert result(COMPLETE)["files"] == {}
 
 
@@ -209,7 +209,7 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
     assert com["verdicts"] == ["identified"] * 3
 
 
-def test_what_no_recording_tells_of_a_vector_has_a_verdict_of_its_own() -> None:
+def test_an_unobserved_component_has_its_own_verdict() -> None:
     com = Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", (), unseen=(2,))
     found = parameter_json(com)
     assert found["verdict"] == "identified"
@@ -262,7 +262,7 @@ def test_the_evidence_of_an_estimate_is_read_back() -> None:
     assert estimate_from(json.loads(json.dumps(parameter_json(weighed)))) == weighed
 
 
-def test_what_is_contradicted_says_what_disagrees() -> None:
+def test_a_contradicted_estimate_names_the_disagreement() -> None:
     found = parameter_json(CONTRADICTED)
     assert (found["value"], found["verdict"]) == (0.2541, "contradicted")
     assert found["contradiction"] == "Something pulls on it: the force grows by 30 N/m."
@@ -291,7 +291,7 @@ def test_an_estimate_is_read_back_with_its_tests() -> None:
         assert again.contradiction == estimate.contradiction
 
 
-def test_what_it_shares_with_other_runs_is_written_and_read_back() -> None:
+def test_shared_errors_of_an_estimate_are_written_and_read_back() -> None:
     gain = Shared("gain of joint 4", "arm", (-0.0005,))
     estimate = replace(WEIGHED, shared=(gain,), freedom=7.5)
     document = result(replace(COMPLETE, estimates=(estimate,)))["parameters"][0]
@@ -303,7 +303,7 @@ def test_what_it_shares_with_other_runs_is_written_and_read_back() -> None:
 
 
 @pytest.mark.parametrize("parameter", [MASS, COM])
-def test_what_is_not_identified_has_no_value(parameter: Parameter) -> None:
+def test_an_unidentified_parameter_has_no_value(parameter: Parameter) -> None:
     found = parameter_json(not_identified(parameter, "1", "It slipped."))
     assert (found["value"], found["std"], found["ci95"]) == (None, None, None)
     assert (found["verdict"], found["method"]) == ("not identified", "It slipped.")

@@ -30,7 +30,7 @@ D = Path("scene.xml")
         *(Settings(scene=D, noise=noise) for noise in noise_models().names),
     ],
 )
-def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
+def test_valid_settings_pass_unchanged(settings: Settings) -> None:
     assert settings.check_values() == settings
 
 
@@ -49,7 +49,7 @@ def test_what_makes_sense_passes_unchanged(settings: Settings) -> None:
         ({"seed": -1}, "seed= must not be negative"),
     ],
 )
-def test_what_does_not_is_named(changes: dict[str, Any], message: str) -> None:
+def test_invalid_settings_are_named(changes: dict[str, Any], message: str) -> None:
     with pytest.raises(InputError, match=message):
         replace(Settings(scene=D), **changes).check_values()
 
@@ -82,7 +82,7 @@ def test_widths_may_be_texts_or_a_mapping(within: Any) -> None:
     assert dict(Settings(within=within).within) == {"mass": 0.002}
 
 
-def test_widths_of_parameters_and_several_in_one_text() -> None:
+def test_half_widths_are_read_per_parameter_and_from_one_text() -> None:
     text = Settings(within="mug.mass=2g, com=1mm")  # type: ignore[arg-type]
     mapping = Settings(within={Parameter("mug.mass"): "2g", "com": "1mm"})  # type: ignore[arg-type]
     assert text.within == mapping.within

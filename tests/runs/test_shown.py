@@ -89,7 +89,7 @@ def test_the_cell_is_described_as_links_that_the_transforms_move(
     assert "mug" not in moved, "nobody touched it"
 
 
-def test_what_is_held_moves_with_the_hand(weighed: Trace, tmp_path: Path) -> None:
+def test_a_held_object_moves_with_the_hand(weighed: Trace, tmp_path: Path) -> None:
     places = []
     for message in messages(written(tmp_path, weighed), "/cell/tf"):
         (bottle,) = [t for t in message.transforms if t.child_frame_id == "bottle"]
@@ -114,7 +114,7 @@ def test_the_trace_stays_what_it_was(weighed: Trace, tmp_path: Path) -> None:
     np.testing.assert_array_equal(again.samples.wrench, weighed.samples.wrench)
 
 
-def test_the_picture_and_its_camera(weighed: Trace, tmp_path: Path) -> None:
+def test_the_picture_and_its_camera_are_recorded(weighed: Trace, tmp_path: Path) -> None:
     poses, image = tmp_path / "poses.yaml", tmp_path / "desk.png"
     poses.write_text(POSES)
     Image.new("RGB", (1280, 960), (10, 120, 200)).save(image)
@@ -144,7 +144,7 @@ def test_a_picture_whose_camera_is_nowhere_is_shown_alone(weighed: Trace, tmp_pa
     assert not {"/camera/camera_info", "/tf_static"} & set(found)
 
 
-def test_what_cannot_be_shown_costs_no_trace(weighed: Trace, tmp_path: Path) -> None:
+def test_a_failing_view_costs_no_trace(weighed: Trace, tmp_path: Path) -> None:
     file = written(tmp_path, weighed, Settings(images=(tmp_path / "gone.png",)))
     found = schemas(file)
     assert len(read_mcap(file).t) == len(weighed.t)

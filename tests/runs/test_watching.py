@@ -67,27 +67,27 @@ def test_a_pushed_neighbour_ends_the_run_by_name() -> None:
 
 
 @pytest.mark.parametrize("far", [0.0, 0.0078, 0.0082])
-def test_what_sight_leaves_open_is_no_motion(far: float) -> None:
+def test_a_change_within_the_accuracy_of_sight_is_no_motion(far: float) -> None:
     """5 mm and three deviations of 1 mm."""
     found = [*iter_displacements(away(), seen(way=(0.0, far, 0.0)))]
     assert bool(found) == (far > 0.008)
 
 
-def test_what_the_run_itself_moved_is_where_it_put_it() -> None:
+def test_an_object_moved_by_the_run_is_expected_at_its_new_place() -> None:
     there = scene().body("cup").pose_world.translate((0.1, 0.0, 0.0))
     state = replace(away(), moved={"cup": there})
     assert not [*iter_displacements(state, seen(way=(0.1, 0.0, 0.0)))]
     assert [*iter_displacements(state, seen())]
 
 
-def test_what_touch_corrected_is_still_where_it_was_seen() -> None:
+def test_an_object_corrected_by_touch_may_be_at_its_seen_pose() -> None:
     """A camera 20 mm off sees everything there, every time."""
     nearer = scene().body("cup").pose_world.translate((0.004, 0.0, 0.0))
     state = replace(away(), moved={"cup": nearer})
     assert not [*iter_displacements(state, seen(way=(-0.006, 0.0, 0.0)))]
 
 
-def test_nobody_looks_past_a_hand_that_holds_touches_or_is_about_to() -> None:
+def test_the_camera_does_not_look_while_the_hand_holds_or_touches() -> None:
     def unasked() -> Seen:
         raise AssertionError
 
@@ -120,7 +120,7 @@ def test_a_camera_that_stopped_ends_the_run_and_an_arm_before_it_does_not() -> N
     assert CameraWatch(keep_state, lambda: None)("tree", blackboard(state)) is state
 
 
-def test_without_a_live_camera_nothing_is_watched() -> None:
+def test_a_run_without_a_live_camera_watches_nothing() -> None:
     assert watch_state(keep_state, None) is keep_state
     for camera in (None, "desk.png", "desk.MP4"):
         assert eye(_planned(camera), cast(Any, None)) is None
@@ -134,7 +134,7 @@ def _planned(camera: str | None) -> Run:
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
-def test_the_simulated_camera_sees_a_neighbour_pushed_beside_the_arm() -> None:
+def test_the_simulated_camera_sees_a_pushed_neighbour() -> None:
     pytest.importorskip("cv2")
     pushed = parse_scene(scene().text.replace("0.45 -0.12", "0.48 -0.12"))
     cell = simulated_cell(scene(), pushed, seed=1)

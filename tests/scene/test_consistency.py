@@ -32,7 +32,7 @@ def stack(table: str, tin: str, box: str) -> Scene:
 @pytest.mark.parametrize(
     ("box", "depth", "other"), [(".25", 0.03, "tin"), (".28", 0.0, ""), (".19", 0.03, "table")]
 )
-def test_bodies_that_overlap(box: str, depth: float, other: str) -> None:
+def test_overlapping_bodies_are_remarked(box: str, depth: float, other: str) -> None:
     tin = TIN.format(".23") if other != "table" else ""
     scene = read(TABLE.format(".1") + BOX.format(box) + tin)
     found = overlaps(scene.resolved)
@@ -68,7 +68,7 @@ def test_in_a_bowl_an_object_stands_on_the_bottom() -> None:
     assert scene.bodies["box"].bottom_z() == pytest.approx(0.21)
 
 
-def test_of_two_open_heights_at_one_place_the_lower_is_asked_for() -> None:
+def test_the_lower_of_two_open_heights_at_one_place_is_measured() -> None:
     with pytest.raises(PlanRejected, match="write the z of the lower body"):
         SymbolicPlanner().plan("how heavy is the box?", stack(".1", "?", "?"))
 
@@ -79,7 +79,7 @@ ARM = """<body name="arm" pos="0 1 0"><geom size=".05"/><body name="link">
 
 @pytest.mark.parametrize("arm", ["", ARM])
 @pytest.mark.parametrize(("x", "moved"), [(".5", False), (".6", True)])
-def test_objects_placed_by_a_keyframe(arm: str, x: str, moved: bool) -> None:
+def test_objects_placed_by_a_keyframe_are_remarked(arm: str, x: str, moved: bool) -> None:
     joint = "1 " if arm else ""
     motor = '<actuator><motor joint="turn"/></actuator>' if arm else ""
     qpos = f"{joint}{x} .1 .23 1 0 0 0"
@@ -92,7 +92,7 @@ def test_objects_placed_by_a_keyframe(arm: str, x: str, moved: bool) -> None:
 
 @pytest.mark.filterwarnings("ignore:.*settotalmass")
 @pytest.mark.parametrize(("total", "is_said"), [("2", True), ("-1", False)])
-def test_a_compiler_that_scales_masses(total: str, is_said: bool) -> None:
+def test_a_compiler_that_scales_masses_is_remarked(total: str, is_said: bool) -> None:
     head = f'<compiler settotalmass="{total}"/>'
     scene = read(TABLE.format(".1") + TIN.format(".23"), head)
     said = [line for line in remarks(scene) if f'settotalmass="{total}"' in line]
@@ -136,7 +136,7 @@ def test_a_keyframe_that_mujoco_would_refuse_is_refused() -> None:
 
 
 @pytest.mark.parametrize(("stiffness", "is_said"), [("0", False), ("50", True)])
-def test_a_spring_on_an_objects_own_joint(stiffness: str, is_said: bool) -> None:
+def test_a_spring_on_an_objects_own_joint_is_remarked(stiffness: str, is_said: bool) -> None:
     joint = f'<joint type="free" stiffness="{stiffness}"/>'
     scene = read(TABLE.format(".1") + TIN.format(".23").replace("<freejoint/>", joint))
     found = [line for line in remarks(scene) if "'tin' in the hand would be wrong" in line]

@@ -41,7 +41,7 @@ def test_a_bar_before_a_higher_front_is_grasped_from_the_front():
     assert "drawer" not in symbols.ungraspable
 
 
-def test_a_level_hand_follows_a_drawer_that_stands_askew():
+def test_a_level_hand_follows_a_rotated_drawer():
     pose = scene(yaw=10.0).symbols.resolve("drawer_pose")
     expected = [np.cos(np.radians(10.0)), np.sin(np.radians(10.0)), 0.0]
     assert pose.rotation[:, 2] == pytest.approx(expected, abs=0.01)

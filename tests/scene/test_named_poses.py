@@ -70,7 +70,7 @@ def test_the_wrist_turns_the_short_way() -> None:
         assert tool @ azimuth >= -1e-6
 
 
-def test_grasps_of_low_tall_and_round_objects() -> None:
+def test_low_tall_and_round_objects_have_grasps() -> None:
     flat = scene(thing("b", box(0.03, 0.03, 0.01), half=0.01)).symbols.resolve("b_pose").position[2]
     assert flat == pytest.approx(0.414)
     tall = scene(thing("b", box(0.03, 0.03, 0.1), half=0.1)).symbols.resolve("b_pose").position[2]
@@ -189,7 +189,7 @@ def test_a_surface_is_approached_over_a_free_spot(spots: list[tuple[float, float
     assert _clear(found, pose.position[0], pose.position[1], 0.03)
 
 
-def test_the_floor_is_approached_beside_the_table() -> None:
+def test_the_floor_is_approached_next_to_the_table() -> None:
     found = parse_scene(
         '<mujoco><worldbody><geom name="floor" type="plane" size="0 0 1"/>'
         + TABLE
@@ -220,7 +220,7 @@ def test_a_blocker_has_a_free_place_to_go() -> None:
     assert found.symbols.subject("red_temporary") == "red"
 
 
-def test_stacked_objects_are_put_down_beside_one_another() -> None:
+def test_stacked_objects_are_put_down_next_to_one_another() -> None:
     levels = [thing(f"s{i}", box(0.04 - 0.01 * i, 0.03, 0.02), half=0.02) for i in range(3)]
     stacked = [text.replace("0.42", f"{0.42 + 0.04 * i:g}") for i, text in enumerate(levels)]
     found = scene("".join(stacked))
@@ -271,7 +271,7 @@ def test_poses_overrule_derived_symbols() -> None:
     assert set(names.configurations) == {"home_config", "side"}
 
 
-def test_an_object_nobody_can_place_is_not_graspable() -> None:
+def test_an_object_without_a_free_place_is_not_graspable() -> None:
     lost = '<body name="lost" pos="? ? 0.43"><freejoint/><geom type="box" size="0.02 0.02 0.03"/></body>'
     assert "its pose is unknown" in scene(lost).symbols.ungraspable["lost"]
     assert scene(lost, poses="objects: {lost: {pos: [0.4, 0, 0.43]}}").symbols.ungraspable == {}

@@ -216,7 +216,7 @@ def test_the_arms_mount_is_no_object() -> None:
     }
 
 
-def test_of_two_planes_the_one_below_the_thing_carries_it() -> None:
+def test_the_plane_below_an_object_carries_it() -> None:
     shelf = SceneObject(
         "shelf",
         "plane",
@@ -241,7 +241,7 @@ def test_of_two_planes_the_one_below_the_thing_carries_it() -> None:
         ),
     ],
 )
-def test_boxes_that_make_no_scene_are_told_to_the_model(
+def test_boxes_that_make_no_scene_are_reported_to_the_model(
     objects: tuple[SceneObject, ...], word: str
 ) -> None:
     with pytest.raises(InputError, match=word):
@@ -253,7 +253,7 @@ def test_a_plane_above_the_camera_cannot_be_seen() -> None:
         DetectedScene(SceneBuilder(poses()), things(table=1.5)).scene()
 
 
-def test_without_a_camera_nothing_is_built() -> None:
+def test_a_picture_without_a_camera_builds_nothing() -> None:
     with pytest.raises(InputError, match="camera"):
         DetectedScene(SceneBuilder(parse_poses("{}")), things()).scene()
 

@@ -11,7 +11,7 @@ from palpate.common.errors import InputError
 from palpate.scene.poses import MAX_BYTES, parse_poses, read_poses
 
 
-def test_orientations() -> None:
+def test_every_form_of_an_orientation_is_read() -> None:
     poses = parse_poses("""
         objects:
           a: {pos: [1, 2, 3]}

@@ -103,7 +103,7 @@ def test_a_body_that_no_hand_touches_leaves_the_rest(joint: str, mask: str) -> N
     assert plan.notes == (line,)
 
 
-def test_where_no_hand_touches_the_only_object_something_is_missing() -> None:
+def test_a_scene_with_an_untouchable_object_only_is_not_complete() -> None:
     ghost = GHOST.format(joint="freejoint", mask="0")
     scene = parse_scene(f"<mujoco><worldbody>{TABLE}{ghost}</worldbody></mujoco>")
     assert not any("Nothing is missing" in line for line in remarks(scene))
@@ -117,7 +117,7 @@ def test_a_free_body_without_a_shape_leaves_the_rest() -> None:
     assert read(UNKNOWN + frame) == ("'frame' is not measured: it has no geom.",)
 
 
-def test_what_nothing_collides_with_is_no_surface() -> None:
+def test_a_geom_without_collisions_is_no_surface() -> None:
     mark = """<geom name="mark" type="box" size=".2 .2 .001" pos=".5 0 .221" contype="0"
     conaffinity="0"/>"""
     (line,) = read(UNKNOWN + mark)
@@ -233,9 +233,7 @@ def test_a_pair_collides_in_spite_of_exclusion_and_bits() -> None:
         ('gravcomp="1"', "", "gravcomp"),
     ],
 )
-def test_what_holds_a_fixture_besides_its_joint_is_remarked(
-    body: str, after: str, reason: str
-) -> None:
+def test_other_constraints_of_a_fixture_are_remarked(body: str, after: str, reason: str) -> None:
     lines = read('<site name="robot_base"/>' + DRAWER.format(body=body), after)
     assert any(f"acts on 'drawer': {reason}" in line for line in lines)
     assert not any("acts on" in line for line in read(DRAWER.format(body="")))

@@ -47,7 +47,7 @@ def with_can() -> Array:
 
 
 @pytest.mark.parametrize("shift", [(0.0, 0.0), (0.05, -0.03), (-0.1, 0.1)])
-def test_a_box_beside_its_thing_is_put_around_it_without_its_shadow(
+def test_a_misplaced_box_is_moved_to_its_object_without_the_shadow(
     shift: tuple[float, float],
 ) -> None:
     dx, dy = shift
@@ -73,7 +73,7 @@ def test_on_a_table_of_many_colours_the_models_box_stays() -> None:
     assert sharpen_boxes([TABLE, CAN], motley) == (TABLE, CAN)
 
 
-def test_one_piece_belongs_to_one_thing() -> None:
+def test_a_colour_region_belongs_to_one_object() -> None:
     further = replace(CAN, name="cup", bbox=(0.3, 0.3, 0.425, 0.55))
     _, can, cup = sharpen_boxes([TABLE, CAN, further], painted(with_can()))
     assert can.outline is not None
@@ -136,7 +136,7 @@ def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
     )
 
 
-def test_a_box_at_a_thing_of_the_tables_colour_stays_where_another_has_the_only_piece() -> None:
+def test_a_box_of_an_object_in_the_tables_colour_stays() -> None:
     pale = replace(CAN, name="pale", bbox=(0.6, 0.4, 0.725, 0.65))
     _, can, left = sharpen_boxes([TABLE, CAN, pale], painted(with_can()))
     assert can.outline is not None

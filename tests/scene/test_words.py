@@ -42,7 +42,7 @@ def test_colours_have_words(rgb: tuple[float, float, float], word: str) -> None:
     assert word in colour_words(rgb)
 
 
-def test_words_of_a_scene() -> None:
+def test_a_scene_has_words_for_names_bodies_and_colours() -> None:
     scene = parse_scene("""<mujoco><asset><material name="paint" rgba="1 0 0 1"/></asset>
       <default><default class="blue"><geom rgba="0 0 1 1"/></default></default><worldbody>
       <geom name="table" type="box" size="0.5 0.5 0.2"/>

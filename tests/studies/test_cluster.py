@@ -117,7 +117,7 @@ def test_a_cluster_that_does_not_answer_is_unavailable_at_once() -> None:
             pass
 
 
-def test_without_ray_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_ray_gets_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
     with pytest.raises(Unavailable, match=r"pip install 'palpate\[ray\]'"), crew("auto"):
         pass

@@ -19,7 +19,7 @@ from palpate.studies.efficiency import (
 from palpate.studies.scenarios.catalogue import scenario
 
 
-def test_only_scenarios_that_the_symbolic_planner_completes_are_compared() -> None:
+def test_scenarios_completed_by_the_symbolic_planner_are_compared() -> None:
     found = comparable()
     assert found[0] == "bottle_and_table"
     assert "one_missing_mass" in found
@@ -37,7 +37,7 @@ def test_time_saved_is_a_fraction_of_the_exhaustive_runs() -> None:
 
 
 @pytest.mark.long
-def test_one_missing_mass_takes_less_than_everything() -> None:
+def test_a_single_missing_mass_takes_fewer_actions_than_everything() -> None:
     (row,) = efficiency(["one_missing_mass"], noise="none")
     assert row.exhaustive.status == row.intent.status == "complete"
     assert row.intent.actions < row.exhaustive.actions / 2

@@ -36,7 +36,7 @@ def test_the_interval_is_wilsons_formula(counts: tuple[int, int]) -> None:
     assert Rate(*counts).interval == pytest.approx(expected, abs=1e-9)
 
 
-def test_without_trials_the_rate_can_be_anything() -> None:
+def test_the_interval_of_a_rate_without_trials_is_the_whole_range() -> None:
     assert Rate(0, 0).interval == (0.0, 1.0)
 
 

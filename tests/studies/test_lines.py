@@ -21,7 +21,7 @@ def test_rows_come_back_in_order(tmp_path: Path) -> None:
     assert lines.read() == [{"a": 1}, {"b": "Ü\n"}, {"c": [None, 2.5]}]
 
 
-def test_what_is_no_number_is_a_word_that_any_reader_of_json_takes(tmp_path: Path) -> None:
+def test_infinite_numbers_are_written_as_words(tmp_path: Path) -> None:
     lines = Lines(tmp_path / "rows.jsonl")
     lines.add({"widths": (inf, -inf), "of": {"nothing": nan}})
     assert lines.read() == [{"widths": ["inf", "-inf"], "of": {"nothing": "nan"}}]

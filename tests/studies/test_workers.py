@@ -33,7 +33,7 @@ def test_results_come_in_order(workers: int) -> None:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_what_the_work_raises_is_raised(workers: int) -> None:
+def test_an_error_of_the_work_is_raised(workers: int) -> None:
     with pytest.raises(ValueError, match="no 5"):
         spread(failing, [5], workers)
 

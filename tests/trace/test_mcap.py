@@ -131,7 +131,7 @@ def test_other_files_are_refused(content: bytes, tmp_path: Path) -> None:
     max_examples=60, suppress_health_check=[HealthCheck.function_scoped_fixture], deadline=None
 )
 @given(data=st.data())
-def test_what_is_read_of_damaged_bytes_is_what_was_written(
+def test_messages_read_from_damaged_bytes_are_original(
     data: st.DataObject, trace: Trace, tmp_path: Path
 ) -> None:
     path, written = tmp_path / "trace.mcap", trace.until(0.1)

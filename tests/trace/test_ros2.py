@@ -32,7 +32,7 @@ def test_an_independent_reader_finds_every_field() -> None:
     assert second.wrench.torque.z == numbers[1, 5]
 
 
-def test_what_was_encoded_is_decoded() -> None:
+def test_encoded_messages_are_decoded() -> None:
     signals = {"stamp": np.array([[1, 2], [3, 4]]), "q": np.array([[0.1, 0.2], [np.pi, -0.0]])}
     found = NAMED.decode(NAMED.encode(signals, 2))
     for name, values in signals.items():

@@ -88,7 +88,7 @@ def test_between_is_every_row_from_start_to_end(ticks: list[int], start: int, en
     assert found.q.shape == (len(found), 7)
 
 
-def test_where_takes_masks_and_slices() -> None:
+def test_the_method_where_takes_masks_and_slices() -> None:
     rows = samples([0, 1, 2, 3])
     assert rows.where(rows.t > 1).t.tolist() == [2, 3]
     assert rows.where(slice(1, 3)).width.tolist() == [1, 2]
@@ -99,7 +99,7 @@ def test_a_recording_is_a_window_of_the_trace() -> None:
     assert made.of(made.recordings[0]).t.tolist() == [1.0, 1.25, 1.5, 1.75, 2.0]
 
 
-def test_leaves_by_primitive_and_status() -> None:
+def test_leaves_are_selected_by_primitive_and_status() -> None:
     made = trace()
     assert [leaf.label for leaf in made.leaf_runs("MovePose")] == ["MovePose(a)"]
     assert [leaf.message for leaf in made.leaf_runs("MovePose", status="FAILURE")] == ["blocked"]

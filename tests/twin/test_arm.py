@@ -50,7 +50,7 @@ def test_an_arm_is_not_overwritten(tmp_path: Path) -> None:
         found.save(tmp_path / "arm.xml")
 
 
-def test_bodies_that_cannot_be_are_told_from_those_that_can() -> None:
+def test_physically_impossible_bodies_are_detected() -> None:
     assert physical(np.diag([1.0, 2.0, 2.5]))
     assert not physical(np.diag([1.0, 2.0, 3.5]))
     assert not physical(np.diag([-0.1, 2.0, 2.0]))

@@ -267,7 +267,7 @@ def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, t
 
 
 @pytest.mark.parametrize("to", ["mjcf", "urdf"])
-def test_only_what_was_compared_counts_as_read_back(kitchen: Twin, tmp_path: Path, to: str) -> None:
+def test_only_compared_values_count_as_read_back(kitchen: Twin, tmp_path: Path, to: str) -> None:
     made = export(kitchen, to, tmp_path)
     assert made.acts_in(MASS) == ("mujoco",)
     # URDF has no friction. MJCF is compared field by field.
@@ -323,7 +323,7 @@ def test_a_reader_that_fails_loses_the_file(kitchen: Twin, tmp_path: Path) -> No
     assert all(f.detail for f in found)
 
 
-def test_without_the_extra_usd_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_missing_usd_package_gets_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(__import__("sys").modules, "mujoco_usd_converter", None)
     with pytest.raises(Unavailable, match=r"pip install 'palpate\[export\]'"):
         require_format("usd")

@@ -59,7 +59,7 @@ CASES = [(reader, chosen) for reader in READERS for chosen in reader.formats]
 
 @pytest.mark.long
 @pytest.mark.parametrize(("reader", "chosen"), CASES, ids=lambda case: getattr(case, "name", case))
-def test_what_is_written_acts_where_it_is_read(
+def test_exported_files_act_in_their_readers(
     reader: Reader, chosen: export.Format, tmp_path: Path
 ) -> None:
     found = next((each for each in PYTHONS if each and is_installed(reader, each)), None)

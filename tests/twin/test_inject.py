@@ -74,7 +74,7 @@ def body(text: str, name: str) -> mujoco.MjsBody:
     return mujoco.MjModel.from_xml_string(text).body(name)
 
 
-def test_only_the_answered_numbers_change() -> None:
+def test_answered_numbers_alone_change() -> None:
     text = inject(
         SCENE, {Parameter("table", "height"): (0.18,), Parameter("bottle", "mass"): (0.254,)}
     )
@@ -87,7 +87,7 @@ def test_only_the_answered_numbers_change() -> None:
     assert body(text, "bottle").mass[0] == pytest.approx(0.254)
 
 
-def test_records_go_into_custom() -> None:
+def test_records_are_written_into_custom() -> None:
     records = [
         estimate("bottle", "mass", 0.25412, std=0.0008, method='weighed "twice" <well> & cleanly'),
         estimate("bottle", "friction", 0.34, static=FurtherValue(0.41, 0.02)),
@@ -215,7 +215,7 @@ def test_com_makes_an_inertial_that_moves_the_balance() -> None:
         ),
     ],
 )
-def test_each_place_of_a_number(
+def test_every_place_of_a_number_is_edited(
     thing: str, values: dict[str, tuple[float, ...]], expected: str
 ) -> None:
     text = f'<mujoco><worldbody><body name="a" pos="0.5 0 0.02"><freejoint/>{thing}</body></worldbody></mujoco>'
@@ -446,7 +446,7 @@ def test_parts_that_outweigh_the_whole_are_reported() -> None:
     assert "the parts with a stated mass weigh 0.3 kg" in made.notes[0]
 
 
-def test_unknown_things_are_refused() -> None:
+def test_unknown_names_are_refused() -> None:
     with pytest.raises(InputError, match="no object or surface 'cup'"):
         inject(SCENE, {Parameter("cup", "mass"): (1,)})
 
@@ -619,7 +619,7 @@ def test_a_value_that_the_compiler_overrules_is_not_in_the_twin(
     assert [str(parameter) for parameter in made.unwritten] == [f"cup.{quantity}"]
 
 
-def test_a_hollow_part_beside_a_stated_one_is_weighed() -> None:
+def test_a_hollow_part_next_to_a_stated_one_is_weighed() -> None:
     hollow = 'shellinertia="true" friction="1"/><geom size=".01" mass="0.1"'
     text = rubbing(cup=hollow).replace('mass="0.2" shell', "shell")
     assert body(inject(text, {Parameter("cup", "mass"): (0.25,)}), "cup").mass[0] == pytest.approx(

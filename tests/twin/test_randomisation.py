@@ -115,7 +115,7 @@ def test_terms_are_the_libraries_own(folder: Path, library: str) -> None:
         assert params.keys() - {"asset_cfg"} <= SIGNATURES[function]
 
 
-def test_a_mass_is_drawn_before_the_centre_of_mass_whatever_the_order(tmp_path: Path) -> None:
+def test_a_mass_is_drawn_before_the_centre_of_mass_in_any_order(tmp_path: Path) -> None:
     write_randomisation(measured()[::-1], tmp_path)
     assert next(iter(terms(tmp_path / "mjlab_events.py"))) == f"{ODD}.mass"
 
@@ -147,7 +147,7 @@ def test_every_number_has_its_interval(folder: Path) -> None:
     )
 
 
-def test_what_two_estimates_share_correlates_them() -> None:
+def test_shared_errors_correlate_two_estimates() -> None:
     gain = [
         Estimate(
             Parameter(f"{name}.mass"),

@@ -52,7 +52,7 @@ def build(scene: Scene, *estimates: Estimate) -> Twin:
 MASS = estimate(Parameter("cup", "mass"), 0.2541)
 
 
-def test_only_the_missing_value_is_written() -> None:
+def test_the_missing_value_alone_is_written() -> None:
     twin = build(scene(), MASS)
     kept = [line for line in SCENE.format(pos="0.5 0 0.05").splitlines() if "cup" not in line]
     assert [line for line in twin.xml.splitlines() if line in kept] == kept

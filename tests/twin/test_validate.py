@@ -78,7 +78,7 @@ def test_a_standing_object_rests_and_one_in_the_air_falls() -> None:
     assert drift == pytest.approx(9.81 / 2 * SETTLE_TIME**2, rel=0.02)
 
 
-def test_only_objects_must_rest() -> None:
+def test_objects_alone_must_rest() -> None:
     assert settle(scene(TABLE, CUP.format(z=0.05), DOOR))[0]
     assert settle(scene(TABLE)) == (True, 0.0)
 

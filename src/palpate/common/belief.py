@@ -119,7 +119,7 @@ class Belief:
     def touched(
         self, means: Means, along: Array, point: Array, gap: float, pushed: float = 0.0
     ) -> Belief:
-        """Update the belief by a touch at `point` (3,), m, that was `apart` m farther along `along` (3,) than
+        """Update the belief by a touch at `point` (3,), m, that was `gap` m farther along `along` (3,) than
         believed.
 
         The fingers may have `pushed` the object there by up to that many m to either side. A contradicted

@@ -42,7 +42,7 @@ def unknown_name(
 ) -> InputError:
     """Make an `InputError` for an unknown name, with the probable choice and the valid ones.
 
-    The probable choice is `meant`, else a name with similar spelling.
+    The probable choice is `intended`, else a name with similar spelling.
     """
     # Assemble the message: the unknown name, a guess, the valid names, a hint.
     names = sorted(valid)

@@ -83,7 +83,7 @@ def constant(count: int, size: float) -> Column:
     return Column(torque, size)
 
 
-def test_of_white_noise_remains_what_the_mean_of_all_samples_has() -> None:
+def test_white_noise_leaves_the_error_of_the_mean_of_all_samples() -> None:
     count, white = 50, 0.1
     (variance,) = covariance(
         [constant(count, 1e3)],
@@ -106,7 +106,7 @@ def test_a_drift_is_not_averaged_away() -> None:
     assert np.sqrt(variance) == pytest.approx(size * np.sqrt(2 / (2 + watched)), rel=0.02)
 
 
-def test_what_nothing_tells_apart_stays_as_known_as_it_was() -> None:
+def test_unobservable_quantities_keep_their_prior_uncertainty() -> None:
     """Two unknowns that do the same: each is known from the other's size."""
     count = 50
     noise = Torque.model_validate({"white": 1e-4})
@@ -159,13 +159,13 @@ def test_every_error_of_the_arm_raises_the_bound(
     assert mass(run, **(white | more)) > 1.0001 * mass(run, **white)
 
 
-def test_a_hand_that_hangs_tells_nothing_of_a_centre_straight_below(run: Run) -> None:
+def test_a_hanging_hand_does_not_determine_a_centre_straight_below(run: Run) -> None:
     _, com = mass_and_com(run, torque={"white": 0.1})
     assert com[:2].max() < 0.005
     assert com[2] > 0.1
 
 
-def test_a_place_aside_is_felt_along_the_fingers_way_alone(run: Run) -> None:
+def test_a_sideways_position_is_determined_along_the_closing_direction_only(run: Run) -> None:
     model = NoiseModel.model_validate({"torque": {"white": 0.1}})
     stands, aside = (
         of_load(run.trace, "cup", np.eye(3), MASS, run.scene.arm, model, place)

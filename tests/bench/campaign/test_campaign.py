@@ -212,7 +212,7 @@ def test_a_random_case_is_named_by_its_command() -> None:
 
 @pytest.mark.parametrize("stiffness", [1e5, 1e6])
 @pytest.mark.parametrize("mass", [4.0, 18.0])
-def test_a_post_is_as_stiff_as_it_says_whatever_leans_on_it(stiffness: float, mass: float) -> None:
+def test_a_post_has_the_stated_stiffness_under_any_load(stiffness: float, mass: float) -> None:
     model = mujoco.MjModel.from_xml_string(
         f"""<mujoco><option timestep="0.0005" integrator="implicitfast" gravity="0 0 0"/><worldbody>
         {hidden.post((0.05, 0.0, 0.0), stiffness)}

@@ -15,7 +15,7 @@ from bench.campaign.ledger import Row
 from bench.faults.nasty import Written
 
 
-def test_one_case_is_repeated(instrument: Callable[..., Result]) -> None:
+def test_the_command_repeats_a_single_case(instrument: Callable[..., Result]) -> None:
     answer = instrument("faults", "--kind", "nasty", "--case", "six angles")
     assert answer.exit_code == 0
     assert "MoveJoints needs 7 angles" in answer.output

@@ -21,7 +21,7 @@ def judge(case: study.Case, blank: Row, traces: Path | None = None) -> Row:
     return replace(blank, command="palpate …", outcome=outcome, beyond=beyond, figures=figures)
 
 
-def test_who_is_fooled_is_shown(
+def test_the_command_shows_the_deceived_estimators(
     instrument: Callable[..., Result], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(study, "judge", judge)
@@ -37,8 +37,6 @@ def test_who_is_fooled_is_shown(
     assert shown["rows"][0]["outcome"] == "fooled"
 
 
-def test_worlds_that_nobody_knows_are_bad_input(
-    instrument: Callable[..., Result], tmp_path: Path
-) -> None:
+def test_unknown_worlds_are_bad_input(instrument: Callable[..., Result], tmp_path: Path) -> None:
     answer = instrument("deceptions", "a flood", "--out", tmp_path / "out")
     assert (answer.exit_code, "hard board" in answer.output) == (2, True)

@@ -28,7 +28,7 @@ from palpate.trace.samples import Trace
 TETHERED = "tether of 30 N/m"
 
 
-def test_there_are_worlds_of_every_kind_for_every_quantity() -> None:
+def test_every_quantity_has_deceptive_worlds_of_every_kind() -> None:
     kinds = Counter(world.kind for world in deceptions().values())
     assert kinds["deceptive"] >= 30
     assert kinds["innocent"] >= 8

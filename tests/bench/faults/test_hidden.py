@@ -19,7 +19,7 @@ from palpate.execution.harm import SHOWN
         ("light", (LIGHT_THING,), [UNSEEN]),
     ],
 )
-def test_what_no_scene_shows_is_named_and_has_figures_of_its_own(
+def test_hidden_obstacles_are_named_and_have_their_own_limits(
     kind: str, unseen: tuple[str, ...], figures: list[object]
 ) -> None:
     true = small_scene("can")
@@ -32,7 +32,7 @@ def test_what_no_scene_shows_is_named_and_has_figures_of_its_own(
         assert unseen[0] in world.world.text
 
 
-def test_a_cautious_arm_meets_unseen_things_as_if_they_were_shown() -> None:
+def test_a_cautious_arm_meets_unseen_obstacles_as_if_they_were_known() -> None:
     assert (CAUTIOUS.mean10, CAUTIOUS.mean20) == (SHOWN.mean10, SHOWN.mean20)
     assert (CAUTIOUS_RIGID.mean10, CAUTIOUS_RIGID.mean20) == (80, SHOWN.mean20)
     assert CAUTIOUS.tail == CAUTIOUS_RIGID.tail == UNSEEN.tail

@@ -25,7 +25,7 @@ def test_a_bad_input_is_refused_in_little_time_and_memory() -> None:
         (2, 1.0, 1e8, "\u202eevil", ["control characters reach the terminal"]),
     ],
 )
-def test_what_is_wrong_with_a_refusal_is_found(
+def test_the_judge_finds_faults_of_a_refusal(
     code: int, seconds: float, memory: float, text: str, found: list[str]
 ) -> None:
     assert problems(code, seconds, memory, text) == found

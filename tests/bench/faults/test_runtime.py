@@ -74,7 +74,7 @@ def struck(robot: MujocoRobot, name: str) -> tuple[mujoco.MjModel, mujoco.MjData
     return model, data
 
 
-def test_what_else_fails_is_there_to_fail() -> None:
+def test_every_failing_part_exists() -> None:
     places = [place for fault in FAULTS for place in fault.patches]
     assert len(places) >= 5
     assert all(callable(resolve_name(place)) for place in places)
@@ -95,7 +95,7 @@ def test_faults_of_the_world_change_it(robot: MujocoRobot) -> None:
     assert data.body("robot/hand").xfrc_applied[2] == -80
 
 
-def test_what_falls_when_a_run_has_ended_and_a_trace_that_is_lost_are_found(
+def test_the_judge_finds_objects_that_fall_after_a_run_and_lost_traces(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     def run(settings: Settings, _: object) -> None:

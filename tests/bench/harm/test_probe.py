@@ -94,7 +94,7 @@ def test_an_impact_is_a_momentum_in_the_running_means() -> None:
     assert touch.mean20 == pytest.approx(-vectors[:40, 2].mean(), rel=0.01)
 
 
-def test_what_is_beyond_the_figures_is_said() -> None:
+def test_the_judge_names_forces_above_the_limits() -> None:
     hand = PUSHER.format(at="0 0 .0205", axis="0 0 1")
     witness = watched(hand, 0.5, '<motor joint="0 0 1"/>', lambda _: [-100.0])
     assert any(line.startswith("robot/hand on floor: ") for line in judged(witness).beyond)
@@ -118,7 +118,9 @@ def test_a_light_object_may_be_pushed_less_hard_than_one_that_something_holds() 
 
 
 @pytest.mark.parametrize(("mass", "wall", "found"), [("1", "0 .048", True), ("2", "", False)])
-def test_only_what_stands_against_a_push_excuses_it(mass: str, wall: str, found: bool) -> None:
+def test_only_a_body_that_blocks_the_object_excuses_a_push(
+    mass: str, wall: str, found: bool
+) -> None:
     """A wall beside the block, which it slides along, does not hold it; what is heavy counts as fixed."""
     hand = PUSHER.format(at="-.0499 0 .03", axis="1 .05 0")
     block = BLOCK.format(name="block", at="0 0 .03", mass=mass)
@@ -127,7 +129,7 @@ def test_only_what_stands_against_a_push_excuses_it(mass: str, wall: str, found:
     assert any("sideways" in line for line in seen.forces) == found
 
 
-def test_what_is_pushed_against_the_robot_itself_is_excused_by_nothing() -> None:
+def test_a_push_against_the_robot_itself_is_never_excused() -> None:
     hand = PUSHER.format(at="-.0499 0 .03", axis="1 0 0")
     block = BLOCK.format(name="block", at="0 0 .03", mass="1")
     link = '<body name="robot/link" pos=".0499 0 .2"><geom type="box" size=".02 .2 .2"/></body>'
@@ -135,7 +137,7 @@ def test_what_is_pushed_against_the_robot_itself_is_excused_by_nothing() -> None
     assert any("sideways" in line for line in seen.forces)
 
 
-def test_the_limits_of_what_is_unseen_are_other_ones() -> None:
+def test_unseen_objects_have_other_limits() -> None:
     """30 N, sustained: nothing on what is shown, a tail on what is not; 100 N, briefly: the other
     way round."""
     hand = PUSHER.format(at="0 0 .0205", axis="0 0 1")
@@ -163,14 +165,14 @@ def test_a_push_is_no_harm_below_the_limit_where_the_plan_names_the_object() -> 
     assert not said.beyond
 
 
-def test_what_falls_is_dropped_and_what_is_let_down_is_not() -> None:
+def test_a_falling_object_counts_as_dropped_and_a_lowered_one_does_not() -> None:
     falling = watched(BLOCK.format(name="block", at="0 0 .06", mass="1"), 0.3)
     resting = watched(BLOCK.format(name="block", at="0 0 .035", mass="1"), 0.3)
     assert judged(falling, named=("block",)).beyond == ("block dropped",)
     assert judged(resting, named=("block",)).beyond == ()
 
 
-def test_what_sinks_slowly_is_dropped_where_nothing_bears_it() -> None:
+def test_an_object_sinking_without_support_counts_as_dropped() -> None:
     floating = BLOCK.format(name="block", at="0 0 .06", mass="1")
     floating = floating.replace("<body ", '<body gravcomp=".95" ')
     assert "block dropped" in judged(watched(floating, 0.4)).beyond
@@ -182,7 +184,7 @@ def test_what_sinks_slowly_is_dropped_where_nothing_bears_it() -> None:
     assert judged(lowered, named=("block",)).beyond == ("block left its place",)
 
 
-def test_what_tips_is_seen_and_a_turn_about_the_vertical_is_none() -> None:
+def test_tipping_is_detected_and_a_turn_about_the_vertical_is_not_tipping() -> None:
     leaning = '<body name="{}" pos="0 0 {}" {}><freejoint/><geom type="box" size=".02 .02 .1" mass="1"/></body>'
     falls = watched(leaning.format("tower", ".115", 'euler="0 15 0"'), 1.0)
     stands = watched(leaning.format("tower", ".1", 'euler="0 0 60"'), 0.2)
@@ -205,7 +207,7 @@ STEEP = '</worldbody><option gravity="1.7 0 -9.6"/><worldbody>'
         ('pos="0 0 .1"><geom type="box" size=".01 .01 .1"', True),
     ],
 )
-def test_what_rolls_moves_and_does_not_tip(shape: str, tips: bool) -> None:
+def test_a_rolling_object_moves_and_does_not_tip(shape: str, tips: bool) -> None:
     thing = f'<body name="thing" {shape} friction="1.5"/><freejoint/></body>'
     found = judged(watched(thing + STEEP, 0.5))
     assert ("thing tipped" in found.beyond) == tips
@@ -250,7 +252,7 @@ def test_a_grip_is_exempt_and_what_it_carries_belongs_to_the_robot() -> None:
     assert seen.turned.get("block", 0) < np.deg2rad(2)
 
 
-def test_fingertips_on_top_of_a_thing_are_no_grip() -> None:
+def test_fingertips_on_top_of_an_object_are_no_grip() -> None:
     """Both fingers press down, across the closing axis, and close against each other by nothing."""
     plate = '<body name="plate" pos="0 0 .005"><freejoint/><geom type="box" size=".08 .08 .005" mass="1"/></body>'
     witness = watched(GRIPPER + plate, 0.4, DRIVES, lambda _: [-0.04, 0.0, 0.0])

@@ -44,7 +44,7 @@ def test_friction_and_hand_are_within_their_intervals() -> None:
     assert np.abs(hands).max() < 2.6
 
 
-def test_what_is_identified_predicts_the_rest_of_the_recording() -> None:
+def test_identified_dynamics_predict_the_rest_of_the_recording() -> None:
     found = identify(recorded(ARM, 0.76), ARM)
     described, friction, everything = (
         np.sqrt((found.rms[name] ** 2).mean()) for name in ("described", "friction", "all")

@@ -70,21 +70,21 @@ def bag(folder: Path, plugin: str) -> Path:
 
 
 @pytest.mark.parametrize("plugin", ["mcap", "sqlite3"])
-def test_a_folder_of_rosbag2(tmp_path: Path, plugin: str) -> None:
+def test_a_folder_of_rosbag2_is_read(tmp_path: Path, plugin: str) -> None:
     log = read_log(bag(tmp_path / "bag", plugin))
     np.testing.assert_allclose(log.t, T, atol=1e-6)
     for found, wanted in ((log.q, Q), (log.dq, DQ), (log.tau, TAU)):
         np.testing.assert_allclose(found, wanted)
 
 
-def test_one_file_of_a_bag(tmp_path: Path) -> None:
+def test_a_single_file_of_a_bag_is_read(tmp_path: Path) -> None:
     (file,) = bag(tmp_path / "bag", "mcap").glob("*.mcap")
     np.testing.assert_allclose(read_log(file).tau, TAU)
     (file,) = bag(tmp_path / "other", "sqlite3").glob("*.db3")
     np.testing.assert_allclose(read_log(file).tau, TAU)
 
 
-def test_topics_of_a_bag(tmp_path: Path) -> None:
+def test_an_unknown_topic_of_a_bag_gets_a_suggestion(tmp_path: Path) -> None:
     folder, columns = bag(tmp_path / "bag", "mcap"), tmp_path / "map.yaml"
     columns.write_text("topic: /joint_state\n")
     with pytest.raises(InputError, match="did you mean '/joint_states'"):
@@ -105,7 +105,7 @@ def test_a_damaged_file_of_a_folder_is_named(tmp_path: Path, ending: str) -> Non
         read_log(folder)
 
 
-def test_state_of_franka_ros2(tmp_path: Path) -> None:
+def test_the_state_of_franka_ros2_is_read(tmp_path: Path) -> None:
     """The robot's state holds what is measured beside what is desired, in one message."""
     pytest.importorskip("rosbags")
     from rosbags.rosbag2 import StoragePlugin, Writer
@@ -140,7 +140,7 @@ def test_state_of_franka_ros2(tmp_path: Path) -> None:
     np.testing.assert_allclose(log.tau_ext, 0.1 * TAU)
 
 
-def test_an_episode_of_a_lerobot_data_set(tmp_path: Path) -> None:
+def test_an_episode_of_a_lerobot_data_set_is_read(tmp_path: Path) -> None:
     pyarrow = pytest.importorskip("pyarrow")
     from pyarrow import parquet
 
@@ -330,7 +330,7 @@ def test_an_order_of_joints_that_changes(tmp_path: Path) -> None:
     assert is_left(read_log(written(tmp_path / "bag", {"/joint_states": [series]})))
 
 
-def test_messages_without_names_or_stamps(tmp_path: Path) -> None:
+def test_messages_without_names_or_stamps_are_read_with_a_note(tmp_path: Path) -> None:
     wide = [np.hstack([part, np.zeros((N, 2))]) for part in (Q, DQ, TAU)]
     series = serialised([], *wide, stamped=False)
     log = read_log(written(tmp_path / "bag", {"/joint_states": [series]}))
@@ -351,7 +351,7 @@ def test_messages_without_names_or_stamps(tmp_path: Path) -> None:
         ("sqlite3", "MESSAGE"),
     ],
 )
-def test_packed_bags_without_metadata(tmp_path: Path, plugin: str, mode: str) -> None:
+def test_packed_bags_without_metadata_are_read(tmp_path: Path, plugin: str, mode: str) -> None:
     series = {"/joint_states": [serialised(names(), Q, DQ, TAU)]}
     folder = written(tmp_path / "bag", series, plugin, mode)
     assert is_left(read_log(folder))
@@ -362,7 +362,7 @@ def test_packed_bags_without_metadata(tmp_path: Path, plugin: str, mode: str) ->
 
 
 @pytest.mark.parametrize("packed", ["", "BZ2", "LZ4"])
-def test_packed_bags_of_ros1(tmp_path: Path, packed: str) -> None:
+def test_packed_bags_of_ros1_are_read(tmp_path: Path, packed: str) -> None:
     pytest.importorskip("rosbags")
     from rosbags.rosbag1 import Writer
     from rosbags.typesys import Stores, get_typestore
@@ -442,7 +442,7 @@ def test_an_undecodable_topic_refuses_no_bag(tmp_path: Path, packed: str) -> Non
         read_log(alone)
 
 
-def test_a_type_that_the_bag_does_not_define(tmp_path: Path) -> None:
+def test_an_undefined_message_type_is_refused(tmp_path: Path) -> None:
     """Databases before Iron have no definitions: standard types alone are known."""
     pytest.importorskip("rosbags")
     file = tmp_path / "old.db3"
@@ -467,7 +467,7 @@ def test_a_type_that_the_bag_does_not_define(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("form", ["lists", "a list of joints", "plain"])
-def test_messages_in_json(tmp_path: Path, form: str) -> None:
+def test_messages_in_json_are_read(tmp_path: Path, form: str) -> None:
     def message(i: int) -> dict[str, Any]:
         stamp = {"sec": EPOCH, "nsec": round(1e9 * T[i])}
         signals = [part[i].tolist() for part in (Q, DQ, TAU)]
@@ -486,7 +486,7 @@ def test_messages_in_json(tmp_path: Path, form: str) -> None:
     np.testing.assert_allclose(log.t, T, atol=1e-6)
 
 
-def test_a_packed_file_that_unpacks_to_too_much(
+def test_a_packed_file_of_excessive_size_is_refused(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     zstandard = pytest.importorskip("zstandard")

@@ -91,7 +91,7 @@ def test_the_arm_without_a_name_is_chosen_too(tmp_path: Path) -> None:
     assert is_arm(read(tmp_path, columns, "joints: ''\n"), LEFT)
 
 
-def test_one_arm_in_columns_of_two_topics_is_no_choice(tmp_path: Path) -> None:
+def test_columns_of_two_topics_of_one_arm_need_no_choice(tmp_path: Path) -> None:
     columns: Columns = {}
     for topic, shift in (("/states", 0.0), ("/controller/states", 0.0), ("/states_desired", 1.0)):
         forms = (f"{topic}/panda_joint{{}}/{kind}" for kind in ("position", "velocity", "effort"))
@@ -115,7 +115,7 @@ def test_other_joints_are_left_out_and_named(tmp_path: Path) -> None:
     assert "gripper_finger_joint1" in note
 
 
-def test_numbers_of_joints_are_no_words(tmp_path: Path) -> None:
+def test_joint_numbers_are_not_read_as_words(tmp_path: Path) -> None:
     """Fourteen joints in the order of words, joint10 before joint2, are two arms."""
     both = [np.hstack(parts) for parts in zip(LEFT, RIGHT, strict=True)]
     columns = dict(sorted(arm("joint{}_pos", "joint{}_vel", "joint{}_torque", tuple(both)).items()))
@@ -125,7 +125,7 @@ def test_numbers_of_joints_are_no_words(tmp_path: Path) -> None:
     assert is_arm(read(tmp_path, columns, "joints: 8-14\n"), RIGHT)
 
 
-def test_more_numbers_than_joints(tmp_path: Path) -> None:
+def test_surplus_columns_are_left_out_and_named(tmp_path: Path) -> None:
     fingers = np.full((N, 2), 0.04)
     log = read(
         tmp_path,
@@ -145,7 +145,7 @@ def test_more_numbers_than_joints(tmp_path: Path) -> None:
         assert is_arm(read(tmp_path, columns, f"joints: {start}-{start + 6}\n"), RIGHT)
 
 
-def test_a_slice_is_of_the_columns_as_they_are_written(tmp_path: Path) -> None:
+def test_a_slice_counts_columns_in_the_order_of_the_file(tmp_path: Path) -> None:
     names = [
         f"position.{name}" for name in ("b_2", "b_1", "a_9", "c_1", "c_10", "c_2", "d_1", "d_2")
     ]
@@ -182,7 +182,7 @@ def test_an_arm_with_six_joints(tmp_path: Path) -> None:
         read(tmp_path, columns)
 
 
-def test_columns_of_unequal_length(tmp_path: Path) -> None:
+def test_columns_of_unequal_length_are_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"columns of unequal length: \{.*'t': 200"):
         read(tmp_path, {"q": Q[1:], "tau": TAU})
     with pytest.raises(InputError, match="columns of unequal length"):

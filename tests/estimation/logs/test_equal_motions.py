@@ -72,7 +72,7 @@ def test_combined_rows_keep_the_noise_white() -> None:
     assert np.flatnonzero(np.abs(carried) > 1e-12).tolist() == [0, 1]
 
 
-def test_what_depends_on_the_place_alone_does_not_widen_the_mass(
+def test_errors_that_depend_on_the_place_alone_do_not_widen_the_mass(
     recording: Log, tmp_path: Path
 ) -> None:
     """A torque of 0.3 N m that varies with each angle, as of uneven friction, ripple or a cable."""

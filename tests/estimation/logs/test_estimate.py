@@ -58,7 +58,9 @@ def test_the_hand_is_weighed_or_stated(npz: Path) -> None:
     assert inside(stated["load.mass"], MASS)
 
 
-def test_without_the_empty_hand_errors_of_the_arm_count(npz: Path, recording: Log) -> None:
+def test_an_estimate_without_the_empty_hand_includes_the_arms_errors(
+    npz: Path, recording: Log
+) -> None:
     rows = recording["t"] > WINDOW[0] + 3.0
     alone = npz.parent / "alone.npz"
     np.savez(alone, **{name: values[rows] for name, values in recording.items()})
@@ -197,19 +199,21 @@ def test_a_stated_value_is_replaced_on_request_only(
     assert again.twin.mjmodel.body("drill").mass[0] == pytest.approx(expected, rel=1e-3)
 
 
-def test_one_window_needs_no_list(npz: Path) -> None:
+def test_a_single_window_needs_no_list(npz: Path) -> None:
     one, listed = pp.estimate(npz, loaded=WINDOW), pp.estimate(npz, loaded=[WINDOW])
     assert one["load.mass"].value == listed["load.mass"].value
     assert len(one) == len(one.estimates) > 0
 
 
-def test_windows_outside_of_the_recording(npz: Path) -> None:
+def test_windows_outside_of_the_recording_are_refused(npz: Path) -> None:
     with pytest.raises(InputError, match=r"loaded=30-40: log.npz lasts 24.0 s"):
         pp.estimate(npz, [(30.0, 40.0)])
 
 
 @pytest.mark.parametrize("window", [(-3.0, 13.0), (4.0, 26.0), (float("nan"), 13.0)])
-def test_windows_partly_outside_of_the_recording(npz: Path, window: tuple[float, float]) -> None:
+def test_windows_partly_outside_of_the_recording_are_refused(
+    npz: Path, window: tuple[float, float]
+) -> None:
     with pytest.raises(
         InputError, match=r"loaded=.*: log.npz lasts 24.0 s; give windows within it"
     ):
@@ -219,19 +223,19 @@ def test_windows_partly_outside_of_the_recording(npz: Path, window: tuple[float,
 @pytest.mark.parametrize(
     "pose", ["up", (0, 0, 0, 0, 0, 0, 0), (0, 0, 50), (0, 0, float("nan")), (0, 0)]
 )
-def test_poses_in_the_hand_that_are_none(npz: Path, pose: str | tuple[float, ...]) -> None:
+def test_invalid_poses_in_the_hand_are_refused(npz: Path, pose: str | tuple[float, ...]) -> None:
     with pytest.raises(InputError, match=r"in_hand='.*': give X Y Z in m, at most 2"):
         pp.estimate(npz, [WINDOW], in_hand=pose)
 
 
 @pytest.mark.parametrize("hand", ["fund", "0.7", True, -1.0, 700.0, float("nan")])
-def test_hands_that_are_none(npz: Path, hand: Any) -> None:
+def test_invalid_hands_are_refused(npz: Path, hand: Any) -> None:
     with pytest.raises(InputError, match=r"hand=.*: give a number of kg, 0 to 50, or 'found'"):
         pp.estimate(npz, [WINDOW], hand=hand)
 
 
 @pytest.mark.skipif(not REAL.is_dir(), reason="recordings of real arms are not at hand")
-def test_a_real_arm_carries_nothing_where_it_carries_nothing(tmp_path: Path) -> None:
+def test_the_estimate_for_a_real_empty_hand_is_zero(tmp_path: Path) -> None:
     """Parts of a real FR3's motion with the empty hand, said to be loaded: zero lies in the intervals, and the
     answer is a limit."""
     data = np.load(REAL / "fr3_free_1.npz")

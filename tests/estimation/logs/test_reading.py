@@ -59,7 +59,7 @@ def test_columns_are_recognised(
     assert log.notes == ()
 
 
-def test_an_archive_of_arrays(tmp_path: Path) -> None:
+def test_an_archive_of_arrays_is_read(tmp_path: Path) -> None:
     file = tmp_path / "log.npz"
     np.savez(file, time=T, position=Q, velocity=DQ, effort=TAU, tau_ext_hat_filtered=0 * TAU)
     log = read_log(file)
@@ -119,7 +119,7 @@ def test_a_map_states_columns(tmp_path: Path) -> None:
         read_log(file, columns)
 
 
-def test_what_is_not_a_recording(tmp_path: Path) -> None:
+def test_a_file_that_is_no_recording_is_refused(tmp_path: Path) -> None:
     pickled = tmp_path / "objects.npz"
     np.savez(pickled, q=np.array([{}], dtype=object))
     with pytest.raises(InputError, match="no NumPy archive of numbers"):
@@ -135,7 +135,7 @@ def test_what_is_not_a_recording(tmp_path: Path) -> None:
 NAMES = ["t", *(name for form in ("q{}", "dq{}", "tau{}") for name in numbered(form))]
 
 
-def test_decimal_commas_of_a_spreadsheet(tmp_path: Path) -> None:
+def test_decimal_commas_of_a_spreadsheet_are_read(tmp_path: Path) -> None:
     file = csv(tmp_path / "log.csv", NAMES, T, Q, DQ, TAU, split=";")
     file.write_text(file.read_text().replace(".", ","))
     np.testing.assert_allclose(read_log(file).tau, TAU, atol=1e-9)
@@ -205,7 +205,7 @@ def test_a_clock_of_one_column_or_row_is_read(tmp_path: Path, t: np.ndarray) -> 
 
 
 @pytest.mark.parametrize("given", [None, 3, "", {"q": "position"}])
-def test_what_names_no_file_is_one_clear_error(tmp_path: Path, given: Any) -> None:
+def test_a_path_that_names_no_file_gets_one_clear_error(tmp_path: Path, given: Any) -> None:
     for function in (pp.estimate, pp.dynamics, pp.noise):
         with pytest.raises(InputError, match=r"log=.*: give the path of a file"):
             function(given)

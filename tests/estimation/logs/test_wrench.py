@@ -127,7 +127,7 @@ def test_a_load_in_a_window_below_a_tool(tmp_path: Path) -> None:
     assert run.status == "complete"
 
 
-def test_the_empty_hand_as_another_recording(tmp_path: Path) -> None:
+def test_the_empty_hand_may_be_another_recording(tmp_path: Path) -> None:
     """Each has its own zero."""
     log = record(tool=True)
     held = (log["t"] > WINDOW[0] + 0.2) & (log["t"] < WINDOW[1] - 0.2)
@@ -197,7 +197,7 @@ def test_a_sensor_zeroed_with_the_load_in_hand_is_contradicted(tmp_path: Path) -
     assert "zeroed with the load in the hand" in mass.contradiction
 
 
-def test_one_pose_does_not_separate_weight_and_zero(tmp_path: Path) -> None:
+def test_a_single_pose_does_not_separate_weight_and_zero(tmp_path: Path) -> None:
     run = estimate(tmp_path, record(still=True))
     assert [one.verdict for one in run.estimates] == ["not identified"] * 3
     assert "gravity turns by 0° only. Hold the load in three" in run["load.mass"].method
@@ -237,7 +237,7 @@ def test_rests_without_the_ways_between_them_are_no_motion(tmp_path: Path, poses
     assert run["load.inertia"].verdict == "prior-dominated"
 
 
-def test_without_positions_mass_and_centre_are_found(tmp_path: Path) -> None:
+def test_mass_and_centre_need_no_positions(tmp_path: Path) -> None:
     log = {name: values for name, values in record().items() if "position" not in name}
     run = estimate(tmp_path, log)
     assert inside(run["load.mass"], MASS)
@@ -254,7 +254,7 @@ def test_a_saturated_and_a_dead_column_are_named(tmp_path: Path) -> None:
         estimate(tmp_path, record() | {"wrench": wrench})
 
 
-def test_a_log_of_a_six_axis_arm(tmp_path: Path) -> None:
+def test_a_log_of_a_six_axis_arm_is_read(tmp_path: Path) -> None:
     """UR's names in a CSV: angles of six joints, the raw wrench, and a pose with a rotation vector."""
     log, file = record(), tmp_path / "ur.csv"
     pose = np.column_stack([np.zeros((len(log["t"]), 3)), turn_of(log).as_rotvec()])
@@ -338,7 +338,7 @@ def test_joint_angles_with_an_arm_are_poses(tmp_path: Path) -> None:
     assert "that of the TCP of 'fr3' by q[0]" in run.plan.notes[0]
 
 
-def test_what_a_log_lacks_is_said(tmp_path: Path) -> None:
+def test_missing_signals_of_a_log_are_named(tmp_path: Path) -> None:
     log = record()
     with pytest.raises(
         InputError, match=r"has no orientation beside it\. Log the sensor's quaternion"
@@ -363,7 +363,7 @@ def test_what_a_log_lacks_is_said(tmp_path: Path) -> None:
         estimate(tmp_path, log, hand=0.5)
 
 
-def test_joint_torques_come_first_and_the_wrench_is_told_of(tmp_path: Path) -> None:
+def test_joint_torques_are_preferred_and_the_wrench_is_mentioned(tmp_path: Path) -> None:
     log, file = record(), tmp_path / "both.npz"
     q = np.sin(np.outer(log["t"], np.ones(7)) + np.arange(7))
     np.savez(file, **log, q=q, tau=np.cos(q))

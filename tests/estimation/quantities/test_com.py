@@ -179,7 +179,7 @@ def test_an_aborted_tilt_costs_only_the_height_of_the_com(bench, noises):
             assert found.unseen == (2,)
 
 
-def test_a_grasp_counts_once_though_a_lift_beside_it_is_weighed_with_it(bench, noises, scene):
+def test_a_grasp_weighed_with_two_lifts_counts_once(bench, noises, scene):
     close = [0.0, 0.016, -0.016]
     found = estimate_com(lift_at(bench, noises["lab"], close), PARAMETER, scene.body("hammer"))
     assert "at 3 grasps" in found.method

@@ -47,7 +47,7 @@ def probe(bench, noise, surface, seed=0):
 @pytest.mark.parametrize(
     ("world", "tolerance"), [("none", 1e-5), ("lab", 3e-5), ("datasheet", 3e-5)]
 )
-def test_height_of_a_rigid_surface(bench, noises, world, tolerance):
+def test_the_height_of_a_rigid_surface_is_identified(bench, noises, world, tolerance):
     for seed in range(5):
         found = probe(bench, noises[world], rigid, seed)
         assert found.values[0] == pytest.approx(TABLE, abs=tolerance)
@@ -55,7 +55,7 @@ def test_height_of_a_rigid_surface(bench, noises, world, tolerance):
         assert "soft onset" not in found.parts
 
 
-def test_an_arm_that_nobody_has_gauged_says_so_and_what_to_do(bench, noises):
+def test_an_uncalibrated_arm_names_the_remedy(bench, noises):
     b = bench(noises["lab"], 0)
     b.go("table_approach", (0.5, 0.0, 0.32))
     b.convert("Pose2Height", "table", "height", b.descend(rigid, "table"))
@@ -99,7 +99,7 @@ def test_a_cushion_is_not_called_rigid(bench, noises, world):
 
 
 @pytest.mark.parametrize("stiffness", [60, 300, 600, 1500, 3000, 12000])
-def test_a_mat_is_no_table_however_fast_the_force_rises_on_it(bench, noises, stiffness):
+def test_a_mat_with_a_steep_force_is_not_taken_for_a_table(bench, noises, stiffness):
     """All of its loading happens before the tip stops."""
 
     def mat(z):
@@ -158,7 +158,7 @@ def closing(trace):
 
 @pytest.mark.parametrize("world", ["none", "lab", "datasheet"])
 @pytest.mark.parametrize("side", [-1, 1])
-def test_one_finger_on_something_is_seen_by_its_moment(bench, noises, world, side):
+def test_a_contact_of_one_finger_is_detected_by_its_moment(bench, noises, world, side):
     b = bench(noises[world], 2)
     b.go("table_approach", (0.5, 0.0, 0.32))
     beside = side * 0.045 * closing(b.trace())[:2]
@@ -183,7 +183,7 @@ def leaning(trace, leans):
     ("most", "verdict"), [(0.0, "identified"), (1.8e-3, "identified"), (1.0, "contradicted")]
 )
 @pytest.mark.parametrize("side", [-1, 1])
-def test_one_finger_on_something_is_seen_by_the_hand_that_leans_over(
+def test_a_contact_of_one_finger_is_detected_by_the_tilt_of_the_hand(
     bench, noises, most, verdict, side
 ):
     """Where the joints' friction hides the moment. An arm that is out of level by a little stands on
@@ -243,7 +243,7 @@ def test_friction_that_changes_with_the_place_is_no_finger_and_no_contact(bench,
 
 
 @pytest.mark.parametrize("start", [0.03, 0.06, 0.12])
-def test_a_cushion_is_met_where_it_begins_however_near_the_probe_starts(bench, noises, start):
+def test_the_height_of_a_cushion_does_not_depend_on_the_start_of_the_probe(bench, noises, start):
     b = bench(noises["lab"])
     b.go("table_approach", (0.5, 0.0, TABLE + HAND.tip_offset + start))
     recording = b.descend(lambda z: max(0.0, TABLE - z) * 200, "table")

@@ -52,7 +52,7 @@ def test_mass_is_free_of_laboratory_noise_and_bias(weighing, noises):
 
 
 @pytest.mark.parametrize("told", [-0.45, 0.45])
-def test_an_end_effector_that_is_told_wrong_is_in_both_and_goes(weighing, noises, told):
+def test_a_wrong_stated_end_effector_cancels(weighing, noises, told):
     """kg that Desk has too much or too little: far more than a datasheet's bias."""
     for seed in range(3):
         trace = weighing(MASS, noises["lab"], seed)
@@ -75,7 +75,7 @@ def test_residual_of_every_approach_does_not_reach_the_mass(weighing, noises):
 
 @pytest.mark.long
 @pytest.mark.parametrize("mass", [0.016, 1.5])
-def test_mass_of_light_and_heavy_objects(weighing, noises, mass):
+def test_the_mass_of_light_and_heavy_objects_is_within_its_interval(weighing, noises, mass):
     error, _, covers, _ = errors(weighing, noises["lab"], mass)
     assert np.abs(error).max() < max(3e-3, 0.01 * mass)
     assert covers.sum() >= 17

@@ -79,7 +79,7 @@ def test_position_is_where_the_fingers_hold(bench, noises):
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0])
-def test_position_is_of_the_frame_beside_the_middle_of_the_shapes(bench, noises, yaw):
+def test_the_position_is_that_of_the_frame_not_of_the_shapes_middle(bench, noises, yaw):
     """The fingers hold the middle of the shapes, 20 mm and 10 mm from the frame's origin."""
     centre = np.array([0.02, -0.01, 0.05])
     frame = np.array([0.5, 0.1, 0.2]) - can((0.0, 0.0, 0.0), yaw).pose_world.apply(centre)

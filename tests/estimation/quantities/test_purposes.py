@@ -15,7 +15,7 @@ def test_a_verb_stands_in_one_row_and_its_quantities_in_the_catalogue() -> None:
 
 
 @pytest.mark.parametrize("verb", ["topple", "tip", "tilt", "pour"])
-def test_what_turns_about_a_level_axis_needs_the_centre_of_mass_in_all_axes(verb: str) -> None:
+def test_purposes_with_tilting_need_all_axes_of_the_centre_of_mass(verb: str) -> None:
     assert "com_3d" in quantities_by_verb()[verb]
 
 

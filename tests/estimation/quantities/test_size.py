@@ -163,7 +163,7 @@ def test_a_cylinder_has_one_radius():
     assert size[:2] == pytest.approx([0.03015, 0.052])
 
 
-def test_a_shape_that_lies_askew_has_no_numbers_for_it():
+def test_a_rotated_shape_has_no_size():
     askew = D.replace('size=".03 .025 .06"', 'size=".03 .025 .06" euler="0 0 30"')
     with pytest.raises(InputError, match="no numbers that state its extents"):
         grown(askew, "crate", (0.061, 0.049, 0.108))
@@ -264,7 +264,7 @@ MARKED = """<mujoco><worldbody><site name="robot_base"/>
 </worldbody></mujoco>"""
 
 
-def test_a_width_that_a_grasp_tells_on_the_way_corrects_a_size_that_is_unsure(tmp_path):
+def test_a_width_measured_by_a_grasp_corrects_an_uncertain_size(tmp_path):
     """Only the mass is asked for; a size that nobody marked as unsure stays as it is stated."""
     scene, world = tmp_path / "scene.xml", tmp_path / "world.xml"
     scene.write_text(MARKED.format(".03", ""))

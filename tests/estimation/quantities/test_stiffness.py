@@ -35,7 +35,9 @@ def pressed(bench, noise, press, seed=0, places=((0.5, 0.0),)):
     ("world", "tolerance"), [("none", 0.01), ("lab", 0.03), ("datasheet", 0.05)]
 )
 @pytest.mark.parametrize("stiffness", [60, 300, 1000, 3000, 10000])
-def test_stiffness_of_a_spring_of_any_strength(bench, noises, world, tolerance, stiffness):
+def test_the_stiffness_of_springs_of_any_strength_is_identified(
+    bench, noises, world, tolerance, stiffness
+):
     errors = []
     for seed in range(4):
         found = pressed(bench, noises[world], spring(stiffness), seed)
@@ -134,7 +136,7 @@ COVER = """<body gravcomp="1" pos="0 0 0.006"><joint type="slide" axis="0 0 1" s
   <geom type="box" size=".15 .15 .004" mass="0.3"/></body>"""
 
 
-def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
+def test_the_stiffness_of_a_mat_gets_from_the_sentence_to_the_twin(tmp_path):
     """From the sentence to a twin that gives way as measured, on an arm whose hidden mat rests on a spring; the
     same arm feels the same in the twin."""
     world, twin = tmp_path / "world.xml", tmp_path / "twin.xml"
@@ -159,7 +161,7 @@ def test_stiffness_of_a_mat_from_the_sentence_to_the_twin(tmp_path):
 
 
 @pytest.mark.parametrize(("is_known", "verdict"), [(True, "identified"), (False, "not identified")])
-def test_a_hard_mat_is_told_from_a_table_where_its_top_is_known(bench, noises, is_known, verdict):
+def test_a_hard_mat_of_known_height_is_distinguished_from_a_table(bench, noises, is_known, verdict):
     """30 kN/m met at a stated height is the mat's; at an unknown one, a table below something too soft to feel."""
     b = bench(noises["lab"])
     b.go("mat_approach", (0.5, 0.0, 0.32))
@@ -235,7 +237,7 @@ def test_restitution_is_that_of_a_spring_and_a_damper(zeta):
     assert restitution(zeta) == pytest.approx(v, rel=1e-2)
 
 
-def test_restitution_of_a_mat_that_is_told_and_of_a_table_that_is_not(tmp_path):
+def test_restitution_is_reported_for_a_mat_and_not_for_a_table(tmp_path):
     plan = pp.load(SCENE.format(low="", cover="")).plan(measure="mat.restitution")
     world = tmp_path / "world.xml"
     soft = ' solref="-150 -15" solimp="0.05 0.05 0.001" solmix="1000000"'

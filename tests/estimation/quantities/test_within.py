@@ -129,7 +129,7 @@ def near_zero(*shared: Shared) -> Estimate:
     return estimate.bounded((0.0, float("inf")))
 
 
-def test_a_value_at_a_bound_comes_with_the_width_that_tells_it_from_there() -> None:
+def test_a_value_at_a_bound_comes_with_the_width_that_would_separate_it() -> None:
     told = Within().told(near_zero())
     assert told.verdict == "prior-dominated"
     assert told.is_evidence
@@ -138,7 +138,7 @@ def test_a_value_at_a_bound_comes_with_the_width_that_tells_it_from_there() -> N
     assert width == pytest.approx(told.limits[0] / 3.0, rel=0.01)
 
 
-def test_a_value_at_a_bound_that_no_repetition_tells_from_there_names_the_cause() -> None:
+def test_a_value_at_a_bound_that_no_repetition_separates_names_the_cause() -> None:
     told = Within().told(near_zero(Shared("gain of joint 2", "arm", (0.007,))))
     assert "--within" not in told.doubt
     assert "± 14g remain (gain of the joints); calibrate the arm to go below" in told.doubt

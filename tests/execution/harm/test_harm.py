@@ -101,7 +101,7 @@ def test_a_push_of_200_n_is_found() -> None:
     assert seen.touches[0].mean10 > 100
 
 
-def test_what_a_plan_lets_go_of_last_is_seen_to_fall(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_fall_of_an_object_released_last_is_seen(monkeypatch: pytest.MonkeyPatch) -> None:
     """And a row of a campaign says so."""
 
     def let_go(plan: Plan, scene: object, robot: MujocoRobot, *_: object) -> SimpleNamespace:

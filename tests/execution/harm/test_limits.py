@@ -48,17 +48,19 @@ def leaning(degrees: float) -> tuple[float, ...]:
 
 
 @pytest.mark.parametrize(("degrees", "found"), [(14.0, ()), (16.0, ("can tipped",))])
-def test_what_leans_by_more_than_15_degrees_has_tipped(degrees: float, found: tuple[str]) -> None:
+def test_an_object_leaning_by_more_than_15_degrees_has_tipped(
+    degrees: float, found: tuple[str]
+) -> None:
     assert harm(seen(leaning(degrees)), ["can"]).beyond == found
 
 
 @pytest.mark.parametrize(("way", "found"), [(0.024, ()), (0.026, ("can pushed by 26 mm",))])
-def test_what_a_plan_names_may_be_pushed_by_25_mm(way: float, found: tuple[str]) -> None:
+def test_objects_named_by_a_plan_may_be_pushed_by_25_mm(way: float, found: tuple[str]) -> None:
     assert harm(seen((way, *FOUND[1:])), ["can"]).beyond == found
 
 
 @pytest.mark.parametrize(("held", "found"), [(-1, ("can left its place",)), (0, ())])
-def test_what_ends_lower_in_the_hand_has_not_left_its_place(held: int, found: tuple[str]) -> None:
+def test_an_object_held_lower_has_not_been_displaced(held: int, found: tuple[str]) -> None:
     lower = [(0.0, 0.0, 0.1 - 0.001 * i, *FOUND[3:]) for i in range(60)]
     assert harm(seen(*lower, held=held), ["can"]).beyond == found
 
@@ -67,7 +69,7 @@ def test_what_ends_lower_in_the_hand_has_not_left_its_place(held: int, found: tu
     ("way", "touched", "found"),
     [(0.012, False, ()), (0.014, False, ("can dropped",)), (0.014, True, ())],
 )
-def test_what_sinks_by_13_mm_with_nothing_below_it_was_dropped(
+def test_an_object_sinking_13_mm_without_support_was_dropped(
     way: float, touched: bool, found: tuple[str]
 ) -> None:
     sinks = [(0.0, 0.0, 0.1 - z, *FOUND[3:]) for z in np.linspace(0.001, way, 14)]

@@ -101,7 +101,7 @@ def friction(slide: str, *hanging: str) -> Node:
 HANGING = (ABOVE, "MeasureForces", AT)
 
 
-def test_friction_is_a_slide_beside_a_force_log_against_one_in_the_air(scene: Scene):
+def test_friction_needs_a_force_log_of_a_slide_and_one_in_the_air(scene: Scene):
     tree = friction("bottle_pose + 7*x_offset", *HANGING)
     assert check(plan(tree, "bottle.friction"), scene, remeasure=True) == ()
     assert rules(plan(tree, "bottle.mass"), scene)["undischarged"] == "parameters[0]"
@@ -216,7 +216,7 @@ def test_no_way_is_judged_from_angles_beyond_all_measure(scene: Scene, then: str
     assert "unreachable" in rules(plan(tree), scene)
 
 
-def test_one_arm_has_one_owner_however_deep_the_others_are(scene: Scene):
+def test_two_motions_of_the_arm_in_parallel_are_found_at_any_depth(scene: Scene):
     branches = [sequence(*weigh(name)[2:11]) for name in ("bottle", "crate")]
     tree = sequence(
         "MoveJoints home_config", "OpenGripper", parallel(*branches), "MoveJoints home_config"
@@ -227,7 +227,7 @@ def test_one_arm_has_one_owner_however_deep_the_others_are(scene: Scene):
     assert "gripper" in found[1].message
 
 
-def test_a_conversion_beside_its_own_sensing_comes_too_early(scene: Scene):
+def test_a_conversion_in_parallel_with_its_sensing_comes_too_early(scene: Scene):
     together = parallel("MeasureForces", "Force2Mass")
     tree = sequence(*changed(weigh("bottle")[:7] + weigh("bottle")[8:], 6, together))
     found = rules(plan(tree, "bottle.mass"), scene)
@@ -318,7 +318,7 @@ def test_a_plan_without_a_tree_explains_and_promises_nothing(scene: Scene):
     assert rules(plan(None, "bottle.mass"), scene) == {"undischarged": "parameters"}
 
 
-def test_without_a_scene_the_grammar_is_checked():
+def test_a_plan_without_a_scene_is_checked_for_grammar():
     assert check(plan(sequence(*weigh("anything")), "anything.mass"), None) == ()
     found = rules(
         plan(sequence("Force2Mass", "Jump", parallel("OpenGripper", "CloseGripper")), "x.mass"),

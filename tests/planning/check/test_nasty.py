@@ -448,5 +448,5 @@ def test_a_parallel_with_a_pose_that_does_not_exist_is_a_finding() -> None:
     assert found["unknown-symbol"] == "tree.children[2].children[0]"
 
 
-def test_there_are_more_nasty_plans_than_thirty() -> None:
+def test_the_set_has_more_than_thirty_nasty_plans() -> None:
     assert sum(case.rule is not None for case in CASES) >= 30

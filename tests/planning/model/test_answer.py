@@ -40,7 +40,7 @@ def test_the_plan_is_found_amid_prose_and_fences(answer: str) -> None:
     assert [node.type for _, node in plan.tree.walk()] == ["Sequence", "OpenGripper", "MovePose"]
 
 
-def test_of_several_plans_the_last_counts() -> None:
+def test_the_last_of_several_plans_counts() -> None:
     draft = json.dumps(PLAN | {"explanation": "draft"})
     assert read_answer(f"First {draft}. Better: {TEXT}").plan.explanation == PLAN["explanation"]
 
@@ -179,6 +179,6 @@ def test_an_escape_of_markdown_is_read() -> None:
     assert read_answer(TEXT.replace("cup_pose", r"cup\_pose")).plan == read_answer(TEXT).plan
 
 
-def test_a_behavior_tree_in_xml_is_told_from_a_plan() -> None:
+def test_a_behavior_tree_in_xml_is_not_taken_for_a_plan() -> None:
     with pytest.raises(InputError, match="give the plan\\.json beside it"):
         read_proposal(b'<?xml version="1.0"?>\n<root BTCPP_format="4"><BehaviorTree/></root>')

@@ -149,7 +149,7 @@ def test_a_refusal_that_the_critic_demands_is_not_questioned(scene: Scene) -> No
     assert planner.conversation.summary()["model"]["questions"] == []
 
 
-def test_the_critic_is_told_quantities_and_purposes_and_not_asked_for_a_plan(scene: Scene) -> None:
+def test_the_critic_gets_quantities_and_purposes_and_is_not_asked_for_a_plan(scene: Scene) -> None:
     with by_model(Says('{"objection": null}'), GOOD) as server:
         asked(server, scene)
     writer, reader = server.requests

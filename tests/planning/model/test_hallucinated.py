@@ -35,7 +35,7 @@ def _key(monkeypatch: pytest.MonkeyPatch) -> None:
 
 
 @pytest.mark.parametrize("kind", MEANT)
-def test_a_plan_is_recognised_whatever_is_around_it(kind: str, scene: Scene) -> None:
+def test_a_plan_is_recognised_in_any_surrounding_text(kind: str, scene: Scene) -> None:
     plan, findings = VlmPlanner("openai").judge(MEANT[kind], scene, REQUEST)
     assert findings == []
     assert plan is not None

@@ -170,7 +170,7 @@ def test_a_clear_deformation_costs_no_round(kind: str, monkeypatch: pytest.Monke
         ({"parameters": ["cup.mass lb"]}, "is not a quantity"),
     ],
 )
-def test_what_is_not_clear_stays_a_finding(changed: dict[str, Any], told: str) -> None:
+def test_an_ambiguous_form_stays_a_finding(changed: dict[str, Any], told: str) -> None:
     text = json.dumps(json.loads(GOOD) | changed)
     _, findings = VlmPlanner("openai").judge(text, parse_scene(SCENE), REQUEST)
     assert any(told in finding for finding in findings), findings

@@ -369,7 +369,7 @@ def test_a_refusal_stands_where_the_tree_after_its_question_fails(scene: Scene) 
     assert (plan.tree, plan.outcome) == (None, "cannot")
 
 
-def test_without_feedback_nothing_is_asked(scene: Scene) -> None:
+def test_zero_rounds_of_feedback_ask_nothing(scene: Scene) -> None:
     with Loopback(Says(REFUSAL)) as server:
         planner(server, rounds=0).plan(REQUEST, scene)
     assert len(server.requests) == 1
@@ -436,9 +436,7 @@ def anew(**marked: object) -> str:
 
 
 @pytest.mark.parametrize("native", [False, True])
-def test_what_the_request_doubts_is_measured_again_without_a_finding(
-    scene: Scene, native: bool
-) -> None:
+def test_a_value_doubted_in_the_request_is_measured_again(scene: Scene, native: bool) -> None:
     text = anew(again=True)
     if native:
         document = json.loads(text)
@@ -480,7 +478,7 @@ def test_the_mark_is_true_or_false(scene: Scene, mark: object) -> None:
     assert "parameters[0].again must be true or false" in findings[0]
 
 
-def test_without_a_request_nothing_is_measured_again(scene: Scene) -> None:
+def test_a_known_value_without_a_request_is_not_measured_again(scene: Scene) -> None:
     _, findings = VlmPlanner("openai").judge(anew(again=True), scene, None)
     assert any("brick.mass is not requested" in finding for finding in findings)
 

@@ -86,7 +86,7 @@ def test_the_dialogue_goes_on_with_all_that_was_said(planner: str) -> None:
 
 
 @pytest.mark.parametrize("planner", WIRES)
-def test_without_a_system_prompt_none_is_sent(planner: str) -> None:
+def test_a_session_without_a_system_prompt_sends_none(planner: str) -> None:
     with Loopback(Says("x")) as server:
         opened(server, planner, system="").ask("m")
         assert server.requests[0].system == ""
@@ -308,7 +308,7 @@ def test_a_stream_that_was_not_asked_for_is_joined(content_type: str) -> None:
         assert opened(server, "compatible:any").ask("m").text == "the answer"
 
 
-def test_an_error_with_the_status_of_success_is_told_in_the_words_of_the_server() -> None:
+def test_an_error_with_status_200_is_reported_in_the_words_of_the_server() -> None:
     body = json.dumps({"error": {"message": "context size exceeded", "type": "server_error"}})
     with (
         Loopback(Sends(body.encode())) as server,

@@ -95,9 +95,7 @@ def test_parts_that_are_understood_are_understood_together(made: tuple[str, froz
 
 @given(requests(), st.integers(0, 30))
 @settings(max_examples=60, deadline=None, derandomize=True)
-def test_a_word_that_nobody_knows_is_never_passed_over(
-    made: tuple[str, frozenset[str]], place: int
-):
+def test_an_unknown_word_is_never_skipped(made: tuple[str, frozenset[str]], place: int):
     words = made[0].split()
     words.insert(place % (len(words) + 1), "zorblax")
     found = read(" ".join(words))
@@ -140,7 +138,7 @@ def test_a_word_that_turns_what_is_said_is_never_passed_over(
         "The mug belongs to my aunt. Weigh everything.",
     ],
 )
-def test_what_is_not_a_plain_wish_is_refused(request_: str):
+def test_a_sentence_that_is_no_plain_wish_is_refused(request_: str):
     assert read(request_) is None
 
 
@@ -157,7 +155,7 @@ def test_what_is_not_a_plain_wish_is_refused(request_: str):
         ("- mass of the mug\n- height of the table", "mug.mass table.height"),
     ],
 )
-def test_what_is_said_together_is_meant_together(request_: str, meant: str):
+def test_objects_named_together_are_asked_for_together(request_: str, meant: str):
     assert meaning(request_) == frozenset(meant.split())
 
 
@@ -174,7 +172,7 @@ def test_what_is_said_together_is_meant_together(request_: str, meant: str):
         "Weigh the mug after it has cooled.",
     ],
 )
-def test_what_beside_a_wish_may_change_it_is_refused(request_: str):
+def test_words_that_may_change_a_wish_are_refused(request_: str):
     assert read(request_) is None
 
 

@@ -23,7 +23,7 @@ def meaning(request: str, place: str = "kitchen") -> list[str]:
         return [str(one) for one in rejection.proposal]
 
 
-def test_unread_words_are_named_beside_the_proposal():
+def test_unread_words_are_named_with_the_proposal():
     assert proposal("Find the mass of the mug for my zippy contraption.") == (
         ["mug.mass"],
         ("for my zippy contraption",),
@@ -47,7 +47,7 @@ def test_remarks_in_a_sentence_that_asks_are_left_to_the_user(
     assert proposal(request_) == (["mug.mass"], not_used)
 
 
-def test_what_is_asked_of_one_body_together_with_another_is_asked_of_both():
+def test_a_quantity_of_two_bodies_is_proposed_for_both():
     asked = ground("Weigh the mug together with the bottle.", scene("kitchen")).asked
     assert set(map(str, asked)) == {"mug.mass", "bottle.mass"}
 
@@ -62,7 +62,7 @@ def test_what_is_asked_of_one_body_together_with_another_is_asked_of_both():
         "half the mass of the mug",
     ],
 )
-def test_what_makes_it_another_thing_or_deed_is_no_proposal(request_: str):
+def test_words_that_change_the_object_or_the_action_give_no_proposal(request_: str):
     assert proposal(request_)[0] == []
 
 
@@ -74,12 +74,12 @@ def test_what_makes_it_another_thing_or_deed_is_no_proposal(request_: str):
         "The mass of the mug is in the file. I need that of the bottle.",
     ],
 )
-def test_what_is_said_to_be_known_is_not_asked_for(request_: str):
+def test_a_quantity_stated_as_known_is_not_proposed(request_: str):
     found = ground(request_, scene("kitchen"))
     assert [str(one) for one in found.asked] == ["bottle.mass"]
 
 
-def test_denied_things_are_left_out_of_the_proposal():
+def test_denied_objects_are_left_out_of_the_proposal():
     found, _ = proposal("Frobnicate a bit: weigh the bottle, never mind whatsoever the mug.")
     assert "mug.mass" not in found
 
@@ -105,7 +105,7 @@ def test_background_asks_for_nothing(background: str, not_used: tuple[str, ...])
         assert [str(one) for one in ground(request, scene("kitchen")).asked] == ["mug.mass"]
 
 
-def test_what_restricts_is_no_background():
+def test_a_restriction_is_not_read_as_background():
     found = ground("Weigh the boxes. Do not touch the red box.", scene("kitchen"))
     assert [str(one) for one in found.asked] == ["blue_box.mass"]
 

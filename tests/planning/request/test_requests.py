@@ -131,7 +131,7 @@ def test_a_refusal_names_what_was_not_understood_and_what_can_be_asked(request_:
         ("weigh all containers", "'containers' are taken to be 'bottle' and 'mug' and 'red_box'"),
     ],
 )
-def test_what_is_not_quite_what_was_said_is_remarked_on(request_: str, remark: str):
+def test_a_difference_from_the_wording_is_remarked(request_: str, remark: str):
     where = scene("boxes") if "left" in request_ else scene("kitchen")
     assert any(remark in told for told in ground(request_, where).remarks)
 

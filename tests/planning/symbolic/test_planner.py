@@ -37,7 +37,7 @@ def planned(scene: Scene, request: str | None, **options: bool) -> Plan:
     return plan
 
 
-def test_one_mass_takes_the_papers_twelve_actions(scene: Scene):
+def test_a_single_mass_takes_the_papers_twelve_actions(scene: Scene):
     plan = planned(scene, "How heavy is the bottle?")
     assert actions(plan.tree) == weigh("bottle")
     assert plan.actions == 12
@@ -169,7 +169,7 @@ def test_the_balance_point_is_left_out_where_a_part_of_its_region_does_not_pass(
 
 
 @pytest.mark.parametrize(("head", "last"), [("", "+"), ("-", "-")])
-def test_an_object_heavier_on_one_side_is_grasped_there_last(head: str, last: str):
+def test_the_plan_ends_with_a_grasp_at_the_heavier_side(head: str, last: str):
     """And so it is swung where an error of its centre of mass adds least to its inertia."""
     scene = parse_scene(f"""<mujoco><worldbody><site name="robot_base"/>
       <body name="table" pos="0.5 0 -0.03"><geom type="box" size=".3 .3 .03"/></body>
@@ -186,7 +186,7 @@ def test_an_object_heavier_on_one_side_is_grasped_there_last(head: str, last: st
     assert done[:swung].count("CloseGripper") == 3
 
 
-def test_without_a_request_all_that_is_missing_is_measured_and_nothing_else(scene: Scene):
+def test_a_plan_without_a_request_measures_all_missing_values_only(scene: Scene):
     plan = planned(scene, None)
     assert set(plan.parameters) == set(scene.missing)
     assert plan.parameters[0] == parameters("bench.height")[0]
@@ -247,7 +247,7 @@ def test_an_infeasible_request_is_rejected_with_the_reason(body: str, reason: st
         SymbolicPlanner().plan("the friction of the thing", bench(body))
 
 
-def test_measurable_parameters_are_planned_beside_unmeasurable_ones():
+def test_measurable_parameters_are_planned_in_spite_of_unmeasurable_ones():
     wide = '<body name="chest" pos="0.45 -0.3 0.08"><freejoint/><geom type="box" size=".06 .06 .08"/></body>'
     plan = planned(bench(BOTTLE, wide), "weigh the bottle and the chest")
     assert plan.parameters == parameters("bottle.mass")
@@ -395,6 +395,6 @@ def test_a_surface_of_several_shapes_of_one_friction_is_one_surface():
     assert all(pose.startswith("cup_pose ") for pose in recorded_slides(plan))
 
 
-def test_without_a_place_on_one_surface_a_friction_is_not_measured():
+def test_friction_is_not_measured_without_room_on_one_surface():
     with pytest.raises(PlanRejected, match="on several surfaces, and none has free space"):
         SymbolicPlanner(measure=FRICTION).plan(None, seam((0.3, 0.6), half=0.025))

@@ -69,7 +69,7 @@ def test_open_fingers_5_mm_above_a_top_would_grasp_nothing(
     assert straddled_object(state, Pose.top_down((0.5, 0.0, 0.16 + over), 0.0)) == between
 
 
-def test_a_descent_beside_a_bottle_is_clear_and_one_through_it_is_not():
+def test_a_descent_next_to_a_bottle_is_clear_and_one_through_it_is_not():
     state = SymbolicState(bench(BOTTLE))
     grasp = state.scene.symbols.resolve("bottle_pose")
     above = grasp.translate((0, 0, 0.15))
@@ -85,7 +85,7 @@ def test_objects_on_an_object_block_it_and_those_aside_do_not():
     assert needed_away(scene, ["top", "aside"]) == set()
 
 
-def test_what_lies_on_the_far_end_of_an_object_is_in_the_way_of_lifting_it():
+def test_an_object_on_the_far_end_blocks_the_lift():
     plank = '<body name="plank" pos="0.5 0 0.01"><freejoint/><geom type="box" size=".015 .2 .01"/></body>'
     weight = '<body name="weight" pos="0.5 0.17 0.04"><freejoint/><geom type="box" size=".02 .02 .02"/></body>'
     assert needed_away(bench(plank, weight), ["plank"]) == {"weight"}
@@ -94,7 +94,7 @@ def test_what_lies_on_the_far_end_of_an_object_is_in_the_way_of_lifting_it():
 
 
 @pytest.mark.parametrize(("along", "pushes"), [("x", False), ("y", True)])
-def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
+def test_open_fingers_leave_an_object_along_themselves_or_straight_up(
     along: str, pushes: bool
 ) -> None:
     """Across, a finger pushes it over; a planner that takes no risk goes up either way."""
@@ -112,9 +112,7 @@ def test_open_fingers_leave_a_thing_along_themselves_or_straight_up(
 
 
 @pytest.mark.parametrize(("overlap", "met"), [(0.001, False), (0.005, True)])
-def test_a_carried_thing_meets_what_it_would_overlap_by_more_than_a_touch(
-    overlap: float, met: bool
-) -> None:
+def test_a_carried_object_hits_bodies_that_it_would_overlap(overlap: float, met: bool) -> None:
     state = SymbolicState(bench(BOTTLE, ASIDE))
     grasp = state.scene.symbols.resolve("bottle_pose")
     held = grasp.inverse() @ state.pose_of("bottle")

@@ -57,12 +57,12 @@ def back_to(pose: str, state: SymbolicState) -> tuple[object, ...]:
     return collisions(state, MovePose(pose=pose).effects(state))
 
 
-def test_the_way_back_from_a_probe_is_free_however_deep_it_went() -> None:
+def test_the_path_back_from_a_probe_of_any_depth_is_free() -> None:
     for lower in (0.0, 0.02, DEEPER, 0.12):
         assert back_to("bench_approach", touching(lower)) == ()
 
 
-def test_only_the_way_back_is_free_where_a_belief_was_wrong() -> None:
+def test_only_the_path_back_is_free_after_a_wrong_belief() -> None:
     deep = touching(DEEPER)
     assert back_to("bench_approach + x_offset", deep) != ()
     assert back_to("bench_approach + z_offset", deep) != ()
@@ -221,7 +221,7 @@ def test_fingers_of_an_unknown_opening_are_open_and_closed() -> None:
         ], gripper
 
 
-def test_each_part_meets_a_thing_once() -> None:
+def test_each_part_hits_a_body_once() -> None:
     scene = bench(BOX.format("box", 0.5, 0.0, FREE, 0.02))
     said = [
         one.message.partition(" at (")[0]
@@ -231,7 +231,7 @@ def test_each_part_meets_a_thing_once() -> None:
     assert len(said) == len(set(said))
 
 
-def test_fingers_open_where_nothing_is_beside_them() -> None:
+def test_fingers_open_only_with_free_room_at_their_sides() -> None:
     beside = bench(BOX.format("box", 0.5, 0.05, FREE, 0.02))
     (found, *_) = finger_collisions(empty(0.5, 0, 0.05, beside, "closed"), 0.08, None)
     assert "would move into 'box'" in found.message
@@ -251,7 +251,7 @@ def test_a_surface_of_unknown_height_is_kept_clear_of_by_as_much_as_it_may_be_hi
         assert bool(collisions(above, there)) == hit
 
 
-def test_what_was_touched_may_be_higher_and_lower_later() -> None:
+def test_a_touched_height_may_change_later() -> None:
     before = replace(touching(0.0), at="bench_approach")
     after = replace(before, pose_world_tcp=APPROACH, at=None, contact=None)
     changed = {
@@ -267,7 +267,7 @@ def test_objects_may_be_higher_on_the_way_to_where_their_surface_is_probed() -> 
         assert higher(home, MovePose(pose=pose).effects(home)) == rises
 
 
-def test_what_is_too_near_at_first_may_stay_as_near_and_not_come_nearer() -> None:
+def test_a_body_too_near_at_the_start_may_not_come_nearer() -> None:
     other = BOX.format("other", 0.5, 0.0, FREE, 0.02)
     near = 0.04 + 5e-4
     assert not passing((0.5, near), (0.52, near), other)
@@ -297,6 +297,6 @@ def test_links_keep_5_mm_from_everything() -> None:
         assert bool(collisions(before, replace(before, pose_world_tcp=end))) == found
 
 
-def test_what_is_thinner_than_the_steps_of_a_way_is_met() -> None:
+def test_a_body_thinner_than_the_steps_of_a_path_is_hit() -> None:
     for x in (0.50, 0.505, 0.51, 0.515):
         assert passing((0.4, 0.0), (0.6, 0.0), BOX.format("pin", x, 0.0, FREE, 0.002), half=0.002)

@@ -41,7 +41,7 @@ def at_rod(x: float, y: float, mass: float = 1.5) -> SymbolicState:
         (0.0, 0.0, 3.5, ["payload"]),
     ],
 )
-def test_fingers_close_in_the_middle_of_a_thing_that_they_can_bear(
+def test_fingers_close_at_the_middle_of_an_object_within_their_payload(
     x: float, y: float, mass: float, rules: list[str]
 ) -> None:
     state = at_rod(x, y, mass)
@@ -89,7 +89,7 @@ def test_pads_hold_no_less_than_4_mm_of_an_end(bite: float, holds: bool) -> None
 
 
 @pytest.mark.parametrize(("roll", "rules"), [(0.1, []), (0.5, ["tilted"])])
-def test_what_is_held_stays_upright(roll: float, rules: list[str]) -> None:
+def test_a_held_object_stays_upright(roll: float, rules: list[str]) -> None:
     open_state = at_rod(0.0, 0.0)
     tcp = open_state.tcp
     held = tcp.inverse() @ open_state.pose_of("rod")

@@ -51,7 +51,7 @@ def test_a_way_up_is_free_after_the_lift_off(start, ways) -> None:
     assert 0.008 < parts[0].start.distance_to(parts[0].end) < 0.015
 
 
-def test_a_way_up_beside_a_wall_is_free_as_far_as_the_hand_came_down(start, ways) -> None:
+def test_a_path_up_along_a_wall_is_free_as_far_as_the_hand_came_down(start, ways) -> None:
     _, grasp = ways
     text = CELL.format(cup="0.5 0.1 0.05", table=-0.03, mass="")
     scene = parse_scene(text.replace("</worldbody>", WALL + "</worldbody>"))
@@ -99,7 +99,7 @@ def test_high_above_everything_a_way_is_free(start, ways) -> None:
     assert speed(part, start.scene) == start.scene.arm.pace.speed
 
 
-def test_near_things_the_speed_follows_the_effective_mass(start, ways) -> None:
+def test_the_speed_near_bodies_follows_the_effective_mass(start, ways) -> None:
     _, grasp = ways
     nearer = Pose.top_down((0.35, 0.0, grasp.position[2]), 0.0)
     slow, heavy = (

@@ -19,7 +19,7 @@ def block(name: str, x: float, z: float, joint: str = "") -> str:
     return f'<body name="{name}" pos="{x} 0 {z}">{joint}<geom type="box" size=".1 .1 .1" mass="1"/></body>'
 
 
-def test_bodies_beside_the_arm_or_below_it_leave_it_room() -> None:
+def test_bodies_next_to_the_arm_or_below_it_leave_it_room() -> None:
     require_room(among(block("table", 0.5, -0.1), block("pedestal", 0.0, -0.05)))
 
 

@@ -95,7 +95,7 @@ def test_a_known_centre_of_mass_decides() -> None:
     assert "edge" in (stable(state(HAMMER.format(com=".14 0 0")), "hammer", over_the_edge) or "")
 
 
-def test_object_where_it_was_found_stays_however_it_stood() -> None:
+def test_an_object_returned_to_its_first_pose_stays() -> None:
     on_the_edge = '<body name="box" pos="0.5 0.598 0.03"><freejoint/><geom type="box" size=".03 .03 .03"/></body>'
     found = state(on_the_edge)
     assert stable(found, "box", found.pose_of("box")) is None

@@ -38,7 +38,7 @@ def met(
     return {hit.other.owner for hit in found.hits(np.full(len(found.pairs), margin))}
 
 
-def test_only_the_last_part_of_a_descent_is_near_the_object() -> None:
+def test_the_last_part_of_a_descent_alone_is_near_the_object() -> None:
     ((first, last),) = near_spans(OPEN, ABOVE, GRASP, 0.02)
     # The fingertips, 9 mm below the TCP, come to within 20 mm of the top 165 to 175 mm above it.
     assert 0.6 < first < 0.75
@@ -51,7 +51,7 @@ def test_a_way_through_free_air_is_near_nothing_and_growth_finds_more() -> None:
     assert near_spans(OPEN, ABOVE, aside, 0.3) == ((0.0, 1.0),)
 
 
-def test_an_object_beside_the_way_is_near_while_the_hand_passes_it() -> None:
+def test_an_object_next_to_the_path_is_near_while_the_hand_passes_it() -> None:
     low = GRASP.translate((-0.20, 0, 0)), GRASP.translate((0.20, 0, 0))
     ((first, last),) = near_spans(
         OPEN, low[0].translate((0, 0.1, 0)), low[1].translate((0, 0.1, 0)), 0.03
@@ -86,7 +86,7 @@ def test_the_way_back_comes_as_near_at_the_same_places(across: float) -> None:
 
 
 @pytest.mark.parametrize("growth", [0.05, 10.0])
-def test_what_is_ruled_out_by_boxes_would_not_be_hit(growth: float) -> None:
+def test_bodies_excluded_by_boxes_are_not_hit(growth: float) -> None:
     start, end = ABOVE.translate((0, 0.047, 0)), GRASP.translate((0.1, 0.2, -0.13))
     assert met(OPEN, start, end, growth=growth) == met(OPEN, start, end)
 

@@ -121,9 +121,7 @@ def test_a_stopped_arm_without_anybody_at_a_terminal_is_unavailable(
     assert not out.exists()
 
 
-def test_from_rehearsal_to_report_with_a_person_who_lets_it_move(
-    desk: Desk, tmp_path: Path
-) -> None:
+def test_a_confirmed_run_goes_from_rehearsal_to_report(desk: Desk, tmp_path: Path) -> None:
     """Somebody left the user stop pressed; it is released before the answer."""
     desk.bench.ask("user_stop", pressed=True)
     out = tmp_path / "run"

@@ -219,7 +219,7 @@ def test_the_loop_s_reaction_is_the_reflex_s(led: Any, reflex: Reflex) -> None:
     assert 20 < fired < 285
 
 
-def test_only_the_first_motion_to_the_ready_pose_is_slow(led: Any) -> None:
+def test_the_first_motion_to_the_ready_pose_alone_is_slow(led: Any) -> None:
     """Where the arm stands, and what is around it, is unknown before."""
     start = ARM.home + 0.3 * np.eye(7)[0]
     session: Any = SimpleNamespace(

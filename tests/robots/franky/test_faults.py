@@ -182,7 +182,7 @@ def test_lost_cycles_end_nothing(bench: Served) -> None:
     assert bench.ask("counts")["lost"] > 100
 
 
-def test_after_a_user_stop_nothing_is_put_down_and_nobody_goes_on(bench: Served) -> None:
+def test_a_user_stop_ends_the_run_without_putting_down(bench: Served) -> None:
     mishap = Mishap("Force2Mass", lambda: bench.ask("user_stop", pressed=True))
     lifted = bench.ask("pose", body=BOTTLE)[2] + 0.05
     done, seconds = ran(bench, mishap, "replan")

@@ -63,7 +63,7 @@ def test_a_hand_holds_what_it_closed_on_and_nothing_else() -> None:
     hand.end()
 
 
-def test_a_hand_closes_with_the_force_that_it_is_told_and_can() -> None:
+def test_a_hand_closes_with_the_requested_force_within_its_range() -> None:
     gripper = Gripper()
     hand = HandThread(gripper, ARM.hand)
     for force in (20.0, 500.0, None):

@@ -217,7 +217,7 @@ def test_a_held_object_stays_in_the_fingers_and_does_not_sink() -> None:
     )
 
 
-def test_a_bar_met_by_the_elbow_is_felt_in_the_joints() -> None:
+def test_a_bar_hit_by_the_elbow_shows_in_the_joint_torques() -> None:
     """The wrench at the TCP reads little of it: the forearm has no lever on the wrist's joints."""
     links, means = Links(unexplained_torque(ARM), 0.1), list[float]()
     goal = ARM.home + np.array([0.9, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0])

@@ -39,7 +39,7 @@ def test_nothing_happens_to_an_arm_at_rest() -> None:
 
 
 @pytest.mark.parametrize("ticks", [2, 3, 4, 9])
-def test_it_ends_with_the_tick_in_which_the_motion_ends(ticks: int) -> None:
+def test_a_block_ends_with_the_tick_in_which_the_motion_ends(ticks: int) -> None:
     one, other = arm(), arm()
     for robot in (one, other):
         robot.move_joints(ARM.home + 0.1)
@@ -51,7 +51,7 @@ def test_it_ends_with_the_tick_in_which_the_motion_ends(ticks: int) -> None:
     assert np.abs(other.state.q - one.state.q).max() < 2e-5
 
 
-def test_it_ends_with_the_fingers_motion() -> None:
+def test_a_block_ends_with_the_motion_of_the_fingers() -> None:
     one, other = arm(), arm()
     for robot in (one, other):
         robot.close_gripper()
@@ -63,7 +63,7 @@ def test_it_ends_with_the_fingers_motion() -> None:
 
 
 @pytest.mark.parametrize("noise", ["none", "measured"])
-def test_it_ends_when_something_is_felt(noise: str) -> None:
+def test_a_block_ends_at_a_contact(noise: str) -> None:
     """A probe meets a post, and the arm says so before it presses as hard as a contact."""
     robot = arm(POST, noise)
     robot.move_pose(Pose.top_down((0.5, 0.0, 0.35), 0.0), 0.2)
@@ -81,7 +81,7 @@ def test_it_ends_when_something_is_felt(noise: str) -> None:
     assert [passed(robot, 4) for _ in range(3)] == [1, 1, 1]
 
 
-def test_it_ends_with_the_reflex() -> None:
+def test_a_block_ends_with_the_reflex() -> None:
     robot = arm(POST)
     robot.set_reflex(ARM.limits.reflexes.free)
     robot.move_pose(Pose.top_down((0.5, 0.0, 0.2), 0.0), 0.1)
@@ -111,7 +111,7 @@ def test_other_robots_are_looked_at_every_tick() -> None:
     assert robot.state.t == pytest.approx(TICK)
 
 
-def test_samples_are_the_same_however_many_runs_are_read_together() -> None:
+def test_samples_do_not_depend_on_the_length_of_a_block() -> None:
     one, other = arm(), arm()
     for robot in (one, other):
         robot.move_joints(ARM.home + 0.2)

@@ -80,7 +80,7 @@ def test_a_scene_tuned_for_speed_is_solved_well() -> None:
 @pytest.mark.parametrize(
     ("shape", "size"), [("cylinder", ".03 .045"), ("ellipsoid", ".03 .03 .045")]
 )
-def test_a_contact_pushes_however_shallow_it_is(shape: str, size: str) -> None:
+def test_a_shallow_contact_pushes(shape: str, size: str) -> None:
     model = robot(
         '<geom type="box" size=".4 .5 .02" pos=".6 0 -.02"/>'
         f'<body name="cup" pos=".5 0 .2"><freejoint/><geom type="{shape}" size="{size}"/></body>'

@@ -33,7 +33,7 @@ def logged(found: MujocoRobot, seconds: float) -> Samples:
     return found.drain()
 
 
-def test_it_bears_the_hand_below_it_with_the_stated_sign() -> None:
+def test_the_sensor_carries_the_hand_with_the_stated_sign() -> None:
     """At rest with the tool down its z axis points down: the hand needs a force of -m g along it."""
     samples = logged(robot(), 0.5)
     held = samples.wrench_sensor[-20:].mean(axis=0)
@@ -43,7 +43,7 @@ def test_it_bears_the_hand_below_it_with_the_stated_sign() -> None:
     np.testing.assert_allclose(held[3:5], [0.0, 0.73 * G * -0.01], atol=2e-3)
 
 
-def test_it_bears_the_inertia_of_the_hand_in_motion() -> None:
+def test_the_sensor_reads_the_inertia_of_the_moving_hand() -> None:
     found = robot()
     found.move_joints(ARM.home + 0.5 * np.eye(7)[0], 0.5)
     samples = logged(found, 2.0)
@@ -91,7 +91,7 @@ def read(seed: int = 0, rows: int = 4000, load: Array = LOAD, **errors: float) -
     return WristSensor(SHEET, WristErrors(**errors), Streams(seed)).read(np.tile(load, (rows, 1)))
 
 
-def test_without_errors_it_reads_the_wrench() -> None:
+def test_a_perfect_sensor_reads_the_wrench() -> None:
     np.testing.assert_allclose(read(rows=3), np.tile(LOAD, (3, 1)), atol=1e-12)
 
 

@@ -36,7 +36,7 @@ BENCH = Pose.of((1.5, -0.4, 0.9))
         ("world:hand", HELD, "that stands still", 0.5),
     ],
 )
-def test_a_tag_tells_where_the_camera_is(
+def test_a_tag_determines_the_pose_of_the_camera(
     source: str,
     place: Pose,
     tag: str,
@@ -166,7 +166,7 @@ def test_the_embedded_arm_sees_by_the_camera_on_its_hand() -> None:
         ({"own_weight": True, "intrinsics": "lens.yaml"}, "goes with camera"),
     ],
 )
-def test_what_cannot_be_calibrated_is_one_clear_error(
+def test_an_impossible_camera_calibration_gets_one_clear_error(
     given: dict[str, str], words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.chdir(tmp_path)

@@ -305,7 +305,7 @@ def test_the_headline_says_what_became_of_what_was_held(
     assert "Keep what was measured before the stop: bottle.mass, table.height." in page.text
 
 
-def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Path) -> None:
+def test_a_disagreement_is_shown_with_the_value(data: ReportData, tmp_path: Path) -> None:
     pulled = FitTest("along the lift", 30.0, 4.2, "Something pulls on <it>.")
     mass, *others = data.run.estimates
     contradicted = replace(mass, tests=(pulled,))
@@ -317,9 +317,7 @@ def test_what_disagrees_is_said_beside_the_value(data: ReportData, tmp_path: Pat
     assert "1 of 2 unknowns measured." in page.text, "the plan is for two"
 
 
-def test_where_things_stand_is_told_by_sight_touch_and_both(
-    data: ReportData, tmp_path: Path
-) -> None:
+def test_poses_are_shown_by_sight_by_touch_and_by_both(data: ReportData, tmp_path: Path) -> None:
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), 1e-5 * np.eye(6))
     felt = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
     off = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
@@ -505,7 +503,7 @@ def test_a_change_is_seen_beyond_the_noise_of_pictures(brightness: int, visible:
     assert (found.visible, found.share) == (visible, float(visible))
 
 
-def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
+def test_believed_values_are_in_the_table_of_measured_ones(
     data: ReportData,
 ) -> None:
     mass, height = data.run.estimates
@@ -516,7 +514,7 @@ def test_what_is_only_believed_is_shown_in_the_table_like_what_was_measured(
     assert (shown["mass"], shown["height"]) == ("?", "? → 0.76503 m")
 
 
-def test_what_a_controlled_stop_did_stands_outside_of_the_plan(
+def test_actions_of_a_controlled_stop_are_listed_apart_from_the_plan(
     data: ReportData,
 ) -> None:
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 8.0, "SUCCESS", "open to 80 mm")

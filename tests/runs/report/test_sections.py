@@ -22,7 +22,7 @@ from palpate.trace.samples import Trace
 from palpate.twin.validate import ReplayResidual, Validation
 
 
-def test_a_window_is_named_once_by_what_it_tells_of(data: ReportData, trace: Trace) -> None:
+def test_a_window_is_named_once_by_its_evidence(data: ReportData, trace: Trace) -> None:
     weigh, touch = trace.recordings
     found = windows(trace, data.run.estimates)
     assert found == {weigh: "bottle mass", touch: "table height"}
@@ -30,7 +30,7 @@ def test_a_window_is_named_once_by_what_it_tells_of(data: ReportData, trace: Tra
     assert untold == {weigh: "still bottle", touch: "contact table"}
 
 
-def test_a_window_tells_its_situation_and_its_own_signal(trace: Trace) -> None:
+def test_a_window_states_its_situation_and_its_signal(trace: Trace) -> None:
     weigh, touch = (evidence(recording, trace) for recording in trace.recordings)
     assert weigh.what == "still, holding bottle, at bottle_pose + z_offset"
     assert weigh.reading.startswith("Fz = 2.4")
@@ -93,7 +93,7 @@ def test_checks_tell_the_twin_from_the_scene_as_given() -> None:
     assert twin_checks(replace(validation, settled=False))["Comes to rest"].startswith("no")
 
 
-def test_what_was_asked_for_is_marked_among_what_the_scene_says() -> None:
+def test_requested_parameters_are_marked_in_the_scene() -> None:
     run: Any = SimpleNamespace(
         plan=Plan((MASS,), None, ""),
         scene=parse_scene(SCENE.replace('material="glass"', "")),

@@ -48,7 +48,7 @@ def watched(plan, node, scene, robot, words):
     return watch
 
 
-def test_the_tree_with_statuses_time_and_force(watched, node, robot):
+def test_the_tree_shows_statuses_time_and_force(watched, node, robot):
     robot.force[2] = 6.0
     pictures = watched(node("Go", z=0.28), node("Wait", seconds=0.5), node("Go", z=0.3))
     middle = pictures[25].splitlines()
@@ -94,7 +94,7 @@ def test_a_tree_taller_than_the_terminal_shows_the_active_part(node, words, blac
     assert lines[-1].startswith("  ▶ Go(0.2, 0.1)")
 
 
-def test_without_a_terminal_every_leaf_gives_one_line(plan, node, scene, robot, words):
+def test_every_leaf_prints_one_line_without_a_terminal(plan, node, scene, robot, words):
     out = console(False)
     with LiveTree(out) as live:
         live.progress("touching")

@@ -78,7 +78,7 @@ def test_a_throw_is_a_parabola() -> None:
     assert speed[0] * flight == pytest.approx(0.5, rel=0.1)
 
 
-def test_what_tips_over_when_it_is_stopped_is_pushed_through_a_spring() -> None:
+def test_an_object_that_tips_when_stopped_is_pushed_through_a_spring() -> None:
     world = trial_of(scene(), "vase", {})
     assert Slide(X).plan(world) is None
     assert SpringPush(X).plan(world) is not None
@@ -95,7 +95,7 @@ def test_the_twin_lands_nearer_than_the_prior_and_within_its_promise() -> None:
         assert low < twin < high
 
 
-def test_without_a_truth_the_draws_judge() -> None:
+def test_draws_of_the_estimates_judge_without_a_truth() -> None:
     found = prove(scene(), measured()[:1], {}, draws=2)
     assert found.judge == "draws"
     for row in found.rows:

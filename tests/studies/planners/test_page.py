@@ -32,7 +32,7 @@ def written(folder: Path, *records: TrialRecord) -> str:
     return page.read_text()
 
 
-def test_the_papers_tables_stand_beside_ours(tmp_path: Path) -> None:
+def test_the_papers_tables_are_shown_next_to_ours(tmp_path: Path) -> None:
     html = written(
         tmp_path,
         *(record("bottle_and_table", "full", "acquired", number) for number in range(3)),
@@ -58,6 +58,6 @@ def test_nothing_was_left_out_and_nothing_failed(tmp_path: Path) -> None:
     assert "What was no success" not in html
 
 
-def test_there_is_no_page_of_nothing(tmp_path: Path) -> None:
+def test_no_page_is_written_without_trials(tmp_path: Path) -> None:
     assert write_page(tmp_path / "r.jsonl") is None
     assert not (tmp_path / "r.html").exists()

@@ -64,7 +64,7 @@ def refusal(**changes) -> Run:
     return Run(Settings(), SCENE, replace(Plan((), None, "it cannot be measured"), **changes))
 
 
-def test_what_is_right_in_trace_and_twin_is_acquired() -> None:
+def test_a_value_right_in_trace_and_twin_is_acquired() -> None:
     ruling = rule(run(), TASK, looks=True)
     assert (ruling.outcome, ruling.success, ruling.reason) == ("acquired", True, "")
 
@@ -78,13 +78,13 @@ def test_what_is_right_in_trace_and_twin_is_acquired() -> None:
         (run(estimates=()), "cup.mass is not identified"),
     ],
 )
-def test_what_is_wrong_in_either_is_none(made: Run, reason: str) -> None:
+def test_a_value_wrong_in_trace_or_twin_is_not_acquired(made: Run, reason: str) -> None:
     ruling = rule(made, TASK, looks=True)
     assert (ruling.outcome, ruling.success) == ("failed", False)
     assert reason in ruling.reason
 
 
-def test_what_stands_in_the_way_may_be_moved() -> None:
+def test_a_blocking_object_may_be_moved() -> None:
     assert rule(run(held=("cup", "jug")), replace(TASK, may_touch=("jug",)), looks=True).success
 
 
@@ -96,7 +96,7 @@ def test_a_refusal_is_right_only_where_nothing_can_be_measured() -> None:
     assert rule(run(), nothing, looks=True).reason.startswith("the arm moved")
 
 
-def test_only_who_cannot_look_may_refuse_what_only_a_picture_tells() -> None:
+def test_only_a_planner_without_vision_may_refuse_a_request_that_needs_a_picture() -> None:
     seen = replace(TASK, only_seen=True)
     assert rule(refusal(), seen, looks=False).outcome == "refused rightly"
     assert rule(refusal(), seen, looks=True).outcome == "refused"
@@ -112,13 +112,13 @@ def test_a_run_that_has_to_be_stopped_is_right_when_it_was() -> None:
     assert "another" in rule(run(plan=other, execution=stopped), mishap, True).reason
 
 
-def test_who_cannot_see_what_stands_in_the_way_is_right_to_be_stopped_by_it() -> None:
+def test_a_planner_without_vision_may_be_stopped_by_an_unseen_obstacle() -> None:
     hidden = replace(TASK, expects=(), status="rejected", only_seen=True)
     stopped = Ending("stopped", "unexpected contact", 6, 9.0, 1.0)
     assert rule(run(execution=stopped, estimates=()), hidden, looks=False).success
     assert not rule(run(execution=stopped, estimates=()), hidden, looks=True).success
 
 
-def test_who_does_not_look_cannot_plan_without_a_scene(tmp_path: Path) -> None:
+def test_a_planner_without_vision_needs_a_scene(tmp_path: Path) -> None:
     record = attempt(PlannerTrial("from_picture", "symbolic", "full", 0), frozenset(), Conditions())
     assert (record.outcome, record.success) == ("refused rightly", True)

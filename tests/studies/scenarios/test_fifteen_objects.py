@@ -15,7 +15,7 @@ from palpate.studies.scenarios.catalogue import scenario
 FIFTEEN = scenario("fifteen_objects")
 
 
-def test_one_parallel_for_fifteen_manipulations_is_refused() -> None:
+def test_fifteen_manipulations_in_one_parallel_are_refused() -> None:
     settings = FIFTEEN.settings(planner="replay:parallel").check_values()
     made = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
     assert made.status == "rejected"

@@ -23,7 +23,7 @@ def prompt(settings: Settings) -> Prompt:
     return compose(vocabulary(), settings.request or "", pipeline.load(settings), settings.images)
 
 
-def test_only_the_picture_differs_in_what_is_sent() -> None:
+def test_the_two_requests_differ_only_in_the_picture() -> None:
     photo, rendering = prompt(PHOTO.settings()), prompt(RENDERING.settings())
     assert photo.system.encode() == rendering.system.encode()
     assert photo.user == rendering.user

@@ -80,7 +80,7 @@ def test_with_the_picture_the_plan_passes_the_check_and_measures_what_is_meant(
 
 
 @pytest.mark.parametrize("name", [name for name in SEEN if scenario(name).expects])
-def test_without_the_picture_nothing_is_measured(name: str, picture: Path) -> None:
+def test_a_request_without_the_picture_measures_nothing(name: str, picture: Path) -> None:
     run = asked(scenario(name), picture, frozenset({"image"}))
     assert run.status == "rejected"
     assert run.plan.tree is None

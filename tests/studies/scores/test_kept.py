@@ -81,7 +81,7 @@ def test_noises_and_scenarios_share_a_folder(tmp_path: Path) -> None:
     assert len(read(tmp_path)) == 2
 
 
-def test_without_a_folder_nothing_is_kept() -> None:
+def test_a_study_without_a_folder_keeps_nothing() -> None:
     assert len(measure([LAB], range(2), Pretenders())[Group("one_missing_mass", "lab")]) == 2
 
 

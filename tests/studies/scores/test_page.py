@@ -104,13 +104,13 @@ def test_names_and_reasons_from_elsewhere_are_text(page: str) -> None:
     assert "mug.mass: The mug was never lifted." in page
 
 
-def test_the_page_asks_nothing_of_the_network(page: str) -> None:
+def test_the_page_loads_nothing_from_the_network(page: str) -> None:
     assert "default-src &#39;none&#39;" in page
     own = page.replace("http://www.w3.org/", "")
     assert not re.search(r'(?:src|href)="(?!#|data:)', own)
 
 
-def test_where_nothing_is_kept_there_is_no_page(tmp_path: Path) -> None:
+def test_a_study_without_a_folder_writes_no_page(tmp_path: Path) -> None:
     assert write_page(tmp_path) is None
     assert list(tmp_path.iterdir()) == []
 
@@ -121,6 +121,6 @@ def test_seeds_that_identify_nothing_make_a_page_all_the_same() -> None:
     assert row(page, "mug.mass")[0].startswith("0/1")
 
 
-def test_one_seed_makes_a_page() -> None:
+def test_a_single_seed_makes_a_page() -> None:
     one = SeedRun(0, "complete", 12, 20.0, (drawn(MASS, 0, 0, 1.0),))
     assert row(render({LAB: [one]}), "mug.mass")[0] == "1/1"

@@ -62,7 +62,7 @@ def test_each_component_has_a_row() -> None:
     ] == [(0, 0.0), (1, 0.0), (2, 0.0)]
 
 
-def test_what_is_doubted_or_unmeasured_counts_as_asked_not_as_measured() -> None:
+def test_doubted_or_unmeasured_values_count_as_requested_only() -> None:
     doubted = replace(scored(1, 9.0), verdict="contradicted")
     runs = [
         SeedRun(0, "complete", 12, 20.0, (scored(0, 0.31),)),

@@ -55,9 +55,9 @@ class Catalogue(Registry[Quantity]):
     def __init__(self, quantities: Iterable[Quantity]) -> None:
         super().__init__([(quantity.id, quantity) for quantity in quantities])
 
-    def named(self, name: str, hint: str = "", meant: str | None = None) -> Quantity:
+    def named(self, name: str, hint: str = "", intended: str | None = None) -> Quantity:
         """Return the quantity with this id; for a synonym the error suggests the id."""
-        return super().named(name, hint, meant or self.meant(name))
+        return super().named(name, hint, intended or self.meant(name))
 
     def meant(self, word: str) -> str | None:
         """Return the id of the quantity that a word denotes in any language; None for other words."""

@@ -130,7 +130,7 @@ def test_motion_releases_sticking_within_the_release() -> None:
     assert left[-1] == pytest.approx(rest * np.exp(-40 * step / 1.5e-3), rel=1e-6)
 
 
-def test_without_a_release_sticking_persists_in_motion_and_is_new_at_the_next_rest() -> None:
+def test_sticking_without_a_release_lasts_until_the_next_rest() -> None:
     found = rests(sticking={"force": 0.15, "release": float("inf")})
     first = after(found, 400)[-1]
     assert after(found, 200, 0.3)[-1] == pytest.approx(first)

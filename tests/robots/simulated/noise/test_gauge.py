@@ -112,7 +112,7 @@ def test_steps_of_any_length_make_the_same_drift() -> None:
     assert steps[0.04] == pytest.approx(steps[30.0], rel=0.06)
 
 
-def test_without_a_time_constant_drift_walks() -> None:
+def test_drift_without_a_time_constant_is_a_random_walk() -> None:
     walk = Relaxation(0.01, np.inf, np.random.default_rng(0), 4000)
     assert not walk.value.any()
     early = walk.after(10.0).std()

@@ -156,7 +156,7 @@ def test_a_robot_lives_in_a_world_with_everything(tmp_path: Path) -> None:
     assert all(np.isfinite(values).all() for values in (samples.wrench, samples.q, samples.t))
 
 
-def test_what_is_absent_is_perfect(tmp_path: Path) -> None:
+def test_absent_parts_of_a_noise_model_are_perfect(tmp_path: Path) -> None:
     for found in (load(tmp_path, "palpate_noise: 1"), noise_models().load("none")):
         assert not nonzero(found)
     assert load(tmp_path, "torque:\n", "bare.yaml").name == "bare"
@@ -199,7 +199,7 @@ def test_own_models_say_what_the_description_says() -> None:
 
 @pytest.mark.parametrize("arm", ["fr3", "iiwa14"])
 @pytest.mark.parametrize("name", ["lab", "datasheet", "hardware", "measured"])
-def test_an_owner_is_told_the_gains_that_are_drawn(name: str, arm: str) -> None:
+def test_the_owner_gets_the_drawn_gains(name: str, arm: str) -> None:
     described = load_description(arm)
     found = noise_models().load(name, described)
     told = apply_datasheet(described, found.datasheet).nominal.torque_gain
@@ -229,7 +229,7 @@ def test_every_figure_has_a_source_or_says_that_there_is_none(name: str) -> None
         assert explained, line
 
 
-def test_what_its_owner_is_told_changes_no_world() -> None:
+def test_the_stated_figures_change_no_world() -> None:
     hardware = noise_models().load("hardware")
     told = apply_datasheet(ARM, hardware.datasheet)
     assert told.nominal.tip_offset_std > 2 * ARM.nominal.tip_offset_std
@@ -283,7 +283,7 @@ def test_keys_replace_those_of_the_model_that_is_extended(tmp_path: Path) -> Non
         ("a: [", ("not YAML",)),
     ],
 )
-def test_what_is_wrong_is_said_in_one_line(
+def test_an_invalid_noise_model_gets_an_error_of_one_line(
     tmp_path: Path, text: str, words: tuple[str, ...]
 ) -> None:
     message = refusal(tmp_path, text)

@@ -41,7 +41,7 @@ def test_zeroing_leaves_what_the_offset_says() -> None:
     assert np.std(left) == pytest.approx(0.2, rel=0.08)
 
 
-def test_same_seed_same_signal() -> None:
+def test_equal_seeds_give_equal_signals() -> None:
     hardware = noise_models().load("hardware")
     signals = [read(sensors(hardware, seed=5), 40, 0.1) for _ in range(2)]
     assert (signals[0] == signals[1]).all()
@@ -62,7 +62,7 @@ def test_a_fixed_value_is_that_very_value_for_every_seed() -> None:
         assert read(found, 1, torque=10.0)[0] == pytest.approx(10.0 * (1 + np.array(gains)))
 
 
-def test_what_the_arm_feels_at_once_has_the_noise_of_single_samples() -> None:
+def test_the_reflex_has_the_noise_of_single_samples() -> None:
     looks = sensors(LAB).looks(4000)
     assert looks.std(0) == pytest.approx(LAB.torque.white, rel=0.06)
 

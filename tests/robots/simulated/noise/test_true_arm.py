@@ -38,7 +38,7 @@ def place(data: mujoco.MjData) -> np.ndarray:
 
 
 @pytest.mark.parametrize("noise", ["none", "datasheet", "hardware"])
-def test_native_compensation_holds_the_nominal_weight_whatever_the_true_one(noise: str) -> None:
+def test_native_compensation_holds_the_nominal_weight(noise: str) -> None:
     figures = (
         noise_models()
         .load(noise)
@@ -68,7 +68,7 @@ def test_links_weigh_more_or_less_by_their_size() -> None:
     assert fixed.body_mass.sum() - nominal == pytest.approx(0.1 * link)
 
 
-def test_the_hand_carries_what_nobody_modelled() -> None:
+def test_the_hand_carries_unmodelled_mass() -> None:
     more = built(hand_mass={"fixed": 0.05})
     assert more[0].body_mass.sum() - built()[0].body_mass.sum() == pytest.approx(0.05)
     extra = more[1].qfrc_bias[:7] - HOME.gravity_torque[0]
@@ -113,7 +113,7 @@ def test_pads_stand_aside() -> None:
     assert shift == pytest.approx(np.tile(tool @ [1e-3, 2e-3, 0], (len(shift), 1)), abs=1e-9)
 
 
-def test_the_base_stands_beside_and_leans() -> None:
+def test_the_base_is_displaced_and_tilted() -> None:
     assert truth().base(BASE) is BASE
     moved = truth(base_position={"fixed": [0, 0, 2e-3]}).base(BASE)
     assert moved.position == pytest.approx([0.1, 0.2, 0.302])
@@ -128,6 +128,6 @@ def test_gravity_differs_from_what_is_assumed() -> None:
     assert true == pytest.approx([0, 0, -9.83])
 
 
-def test_only_what_the_encoders_do_not_see_puts_the_arm_askew() -> None:
+def test_only_errors_hidden_from_the_encoders_displace_the_arm() -> None:
     assert not TrueArm(noise_models().load("datasheet").model, Streams(0)).askew
     assert TrueArm(noise_models().load("hardware").model, Streams(0)).askew
