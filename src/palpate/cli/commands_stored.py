@@ -132,8 +132,7 @@ def _estimator(text: str) -> tuple[str, str]:
 def _load_format(text: str, as_json: bool) -> tuple[str, Path | None]:
     """Parse `FORMAT[=FILE]`.
 
-    Raises:
-        InputError: an unknown format, a file that exists, or no file where the output is JSON.
+    Raises InputError: an unknown format, a file that exists, or no file where the output is JSON.
     """
     from palpate.runs.export import FORMATS
 

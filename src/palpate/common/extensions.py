@@ -54,9 +54,7 @@ def extensions(group: str) -> Iterator[ModuleType]:
     """Load the modules that the entry points of `group` name, sorted by name of the entry point.
 
     Entry points of palpate itself, from metadata of an older version, are ignored.
-
-    Raises:
-        InputError: a module cannot be loaded; the message names it.
+    Raises InputError: a module cannot be loaded; the message names it.
     """
     for entry in sorted(entry_points(group=group), key=lambda entry: entry.name):
         if not entry.value.startswith("palpate."):

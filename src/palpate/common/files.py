@@ -39,9 +39,7 @@ def require_regular(path: Path, limit: int, what: str) -> None:
     """Check a file that a library will read by its path: a regular file of at most `limit` bytes.
 
     `what` names its purpose ("an MJCF scene").
-
-    Raises:
-        InputError: it cannot be read, is no regular file, or is larger.
+    Raises InputError: it cannot be read, is no regular file, or is larger.
     """
     try:
         _require(os.stat(path), path, limit, what)

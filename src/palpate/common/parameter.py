@@ -25,11 +25,7 @@ class Parameter:
     quantity: str
 
     def __init__(self, object: str, quantity: str | None = None) -> None:
-        """Construct from two names, or from one with a dot.
-
-        Raises:
-            InputError: a single name without a quantity.
-        """
+        """Construct from two names, or from one with a dot. Raises InputError: a single name without a quantity."""
         if quantity is None:
             object, quantity = _split(object)
         _set(self, "object", object)
@@ -55,8 +51,7 @@ class ByParameter(Generic[T]):
     def __getitem__(self, name: str | Parameter) -> T:
         """Return the entry of a parameter.
 
-        Raises:
-            KeyError: there is none; the message lists the parameters that have one.
+        Raises KeyError: there is none; the message lists the parameters that have one.
         """
         wanted = Parameter(name) if isinstance(name, str) else name
         entries = self._entries()

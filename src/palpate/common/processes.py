@@ -99,10 +99,7 @@ class Interrupts:
         """Raise signals inside the block.
 
         A pending signal is raised at the beginning. At the end a signal is raised that was deferred inside
-        the block, or raised where Python ignores exceptions.
-
-        Raises:
-            Interrupted: a signal arrived.
+        the block, or raised where Python ignores exceptions. Raises Interrupted: a signal arrived.
         """
         deferring, before, self._deferring = self._deferring, self._handled, False
         try:

@@ -112,8 +112,7 @@ def read_text(path: Path) -> str:
 def parse_xml(text: str, where: str) -> Element:
     """Parse a well-formed document without a DTD; `where` names it in messages.
 
-    Raises:
-        InputError: malformed (with line and column), a DTD or entities, too deep, too large.
+    Raises InputError: malformed (with line and column), a DTD or entities, too deep, too large.
     """
     # Check size, DTD and depth before lxml parses the text.
     data = text.encode("utf-8")

@@ -198,9 +198,7 @@ def write_inertia(
     """Yield the changes that state all of `stated` together.
 
     `known` are values that they depend on and that are not written.
-
-    Raises:
-        InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
+    Raises InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
     """
     # A mass alone needs no `<inertial>`.
     measured = _Together(stated)

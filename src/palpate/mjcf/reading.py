@@ -52,9 +52,7 @@ def read_document(path: Path, home: Path | None = None) -> Document:
     """Read a scene file with all files that it includes.
 
     Files are read only from below `home`, by default the root folder.
-
-    Raises:
-        InputError: unreadable, malformed, too large, or with files missing or outside of `home`.
+    Raises InputError: unreadable, malformed, too large, or with files missing or outside of `home`.
     """
     return parse_document(read_text(path), path.resolve().parent, str(path), home)
 

@@ -175,8 +175,7 @@ def compiled_name(element: Element, own: str, attachments: Sequence[Element]) ->
 def find_roles(document: Document) -> Roles:
     """Sort the bodies and geoms of a document into objects, surfaces and robots.
 
-    Raises:
-        InputError: a name used twice, a surface with several geoms of unknown height, or a missing robot.
+    Raises InputError: a name used twice, a surface with several geoms of unknown height, or a missing robot.
     """
     # Defaults of all models, and evidence for the robots of the main one.
     attached = [model.root for model in document.attached().values()]

@@ -260,8 +260,7 @@ class Shapes:
 def compile_shapes(document: Document, roles: Roles, edits: Sequence[Edit | Insert]) -> Shapes:
     """Compile the scene with `edits` in its initial configuration.
 
-    Raises:
-        InputError: MuJoCo does not accept the scene, or one of its numbers is not finite.
+    Raises InputError: MuJoCo does not accept the scene, or one of its numbers is not finite.
     """
     # Compile a copy whose geoms all have names.
     tree = model_tree(document, roles, edits, is_drawn=False)

@@ -62,11 +62,7 @@ class Plan(InnerPlan):
 
     @property
     def run_so_far(self) -> InnerRun:
-        """The run so far.
-
-        Raises:
-            InputError: the plan was not checked against a scene.
-        """
+        """The run so far. Raises InputError: the plan was not checked against a scene."""
         if self.begun is None:
             raise InputError("this plan is not checked against a scene yet: Scene.plan does that")
         return self.begun

@@ -92,8 +92,7 @@ class Comparison(ByParameter[tuple[ComparedEstimate, ...]]):
 def compare_runs(runs: Sequence[Run]) -> Comparison:
     """Compare all parameters of two or more runs, each run with the first that has a value.
 
-    Raises:
-        InputError: fewer than two runs.
+    Raises InputError: fewer than two runs.
     """
     if len(runs) < 2:
         raise InputError("give two runs or more to compare")

@@ -132,8 +132,7 @@ class LoadData:
 def load_data_of(run: Run, name: str | None = None) -> LoadData:
     """Collect the load `name`, by default the only one, from the estimates of a run.
 
-    Raises:
-        InputError: No load, or several, were measured; or mass or centre of mass is not identified.
+    Raises InputError: no load, or several, were measured; or mass or centre of mass is not identified.
     """
     estimates = {estimate.parameter: estimate for estimate in run.estimates}
     loads = [p.object for p in estimates if p.quantity == "mass" and p.object != HAND]
@@ -339,9 +338,5 @@ FORMATS = LoadFormats(
 
 
 def write_load_data(run: Run, to: str, name: str | None = None) -> str:
-    """Write the load of a run in the format `to`.
-
-    Raises:
-        InputError: There is no such format, or no such load.
-    """
+    """Write the load of a run in the format `to`. Raises InputError: there is no such format, or no such load."""
     return FORMATS.named(to).write(load_data_of(run, name))

@@ -71,10 +71,7 @@ def new_folder(path: Path) -> Generator[Path]:
     """Yield a scratch folder next to `path`.
 
     After the block it is renamed to `path`. If the block raises, it is removed.
-
-    Raises:
-        InputError: `path` exists or cannot be made. If it was created meanwhile, the run is kept
-            next to it.
+    Raises InputError: `path` exists or cannot be made. If it was created meanwhile, the run is kept next to it.
     """
     _check_free(path)
     # Make the scratch folder in the same parent, so that the rename is atomic.

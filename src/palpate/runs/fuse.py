@@ -50,11 +50,7 @@ class Fusion(Estimates):
         return all(estimate.identified for estimate in self.estimates)
 
     def save(self, folder: str | Path) -> Fusion:
-        """Write result and twin into a new folder.
-
-        Raises:
-            InputError: the folder exists or cannot be made.
-        """
+        """Write result and twin into a new folder. Raises InputError: the folder exists or cannot be made."""
         folder = Path(folder)
         with writing(folder), new_folder(folder) as scratch:
             for name, text in self.twin.packed(scratch).items():
@@ -78,9 +74,7 @@ class Fusion(Estimates):
 def fuse_runs(runs: Sequence[Run]) -> Fusion:
     """Fuse the estimates of each parameter and build the twin.
 
-    Raises:
-        InputError: fewer than two runs, runs that are not of one scene, or the same recordings
-            twice.
+    Raises InputError: fewer than two runs, runs that are not of one scene, or the same recordings twice.
     """
     if len(runs) < 2:
         raise InputError("give two runs or more to fuse")

@@ -141,9 +141,7 @@ def finish(folder: Path, callbacks: RunCallbacks = SILENT, film: bool = False) -
     """Finish an interrupted or fast run with the data in its folder, and write its report again.
 
     Camera footage is not kept: a `film` made later is rendered from the trace.
-
-    Raises:
-        InputError: there is no such folder, or it is not a run's.
+    Raises InputError: there is no such folder, or it is not a run's.
     """
     with interrupts() as signals:
         run, keeper = resume_run(folder), Keeper(folder, signals)
@@ -166,10 +164,7 @@ def measure(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None
     """Execute a checked plan and estimate in memory.
 
     The run takes place in `cell`, else in the cell that the settings name. A plan with findings, or
-    without a tree, is rejected: nothing moves.
-
-    Raises:
-        Interrupted: a signal came; the arm has stopped.
+    without a tree, is rejected: nothing moves. Raises Interrupted: a signal came; the arm has stopped.
     """
     if not run.ready:
         return run

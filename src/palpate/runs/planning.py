@@ -137,9 +137,7 @@ def rehearse(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = Non
     rehearsed before a real robot moves. Harm and failures become findings, and a plan with findings
     is not executed. If the run folder of the plan keeps its rehearsal, the embedded arm needs no
     other one, unless `rehearse` is True.
-
-    Raises:
-        InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
+    Raises InputError: a real robot moves, that of `cell` or of the settings, and `rehearse` is False.
     """
     # Decide: a real arm always, otherwise by the setting or the planner.
     real, wanted = _is_real(run, cell), run.settings.rehearse

@@ -130,8 +130,7 @@ def prove(
 ) -> Proof:
     """Plan tasks in prior and twin, and carry them out in the truth, or in draws where it is not known.
 
-    Raises:
-        InputError: neither an object was measured, nor its support, nor a drawer or a door.
+    Raises InputError: neither an object was measured, nor its support, nor a drawer or a door.
     """
     # Find the objects and fixtures on which a measured value acts.
     named = partial(stated_parameter, quantities=scene.catalogue)
@@ -241,9 +240,7 @@ def drawn_worlds(
     """Draw worlds with values from the estimates' normal distributions.
 
     Values that no body can have, as a negative mass, are drawn again.
-
-    Raises:
-        InputError: fewer than `draws` worlds in `TRIES` times as many attempts.
+    Raises InputError: fewer than `draws` worlds in `TRIES` times as many attempts.
     """
     # Rejection sampling from independent normal distributions.
     worlds: list[World] = []

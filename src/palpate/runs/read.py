@@ -71,10 +71,7 @@ def read_run(folder: Path, settings: Settings, made_again: bool = False) -> Run:
 
     A folder keeps neither the symbolic state nor the camera's footage. The scene is empty if its
     file was removed. With `made_again`, the run of a damaged `result.json` begins after its
-    execution.
-
-    Raises:
-        InputError: a file is missing or is not of a run.
+    execution. Raises InputError: a file is missing or is not of a run.
     """
     # A wrong type or a missing key anywhere means that it is not a run.
     try:

@@ -207,8 +207,7 @@ class ArmNoise:
     def save(self, path: str | Path) -> Path:
         """Write a noise model with these figures, for `noise=FILE.yaml`.
 
-        Raises:
-            InputError: the file exists, or cannot be written.
+        Raises InputError: the file exists, or cannot be written.
         """
         path = Path(path)
         text = noise_file(self.found, self.arm, path.stem, self.seconds)

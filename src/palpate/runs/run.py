@@ -225,22 +225,14 @@ class Run(Estimates):
 
     @property
     def trace(self) -> Trace:
-        """The trace.
-
-        Raises:
-            InputError: nothing was recorded; the message says why.
-        """
+        """The trace. Raises InputError: nothing was recorded; the message says why."""
         if self.trace_if_any is None:
             raise InputError(f"this run has no trace: {self._why_not()}")
         return self.trace_if_any
 
     @property
     def twin(self) -> Twin:
-        """The finished scene.
-
-        Raises:
-            InputError: no twin was built; the message says why.
-        """
+        """The finished scene. Raises InputError: no twin was built; the message says why."""
         if self.finished is None:
             raise InputError(f"this run has no twin: {self._why_not()}")
         return self.finished

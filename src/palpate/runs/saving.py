@@ -90,9 +90,7 @@ def save(run: Run, folder: Path | None = None) -> Run:
     """Save a run that is in memory into a folder: request, plan, tree, trace, result, twin, report and images.
 
     `folder` must not exist; by default it is the settings' `out`, else a new one under `runs`.
-
-    Raises:
-        InputError: the folder exists or cannot be made.
+    Raises InputError: the folder exists or cannot be made.
     """
     from palpate.runs.report.writing import write_all
 

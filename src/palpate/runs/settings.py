@@ -281,10 +281,7 @@ class Settings:
         """Load the arm with the knowledge of its owner, calibration included.
 
         A real arm has its description and stiffness, the embedded one the datasheet of its noise
-        model.
-
-        Raises:
-            InputError: no such arm or noise model, or its robot.yaml cannot be used.
+        model. Raises InputError: no such arm or noise model, or its robot.yaml cannot be used.
         """
         from palpate.robots.owner import load_description, own_arm
         from palpate.robots.simulated.noise.models import noise_models

@@ -162,9 +162,7 @@ class Run(InnerRun):
         Each task is planned with the prior and with the twin. The result is its distance from the
         goal with the true values, or else with values drawn from the twin's intervals. A saved run
         keeps the proof in `proof.json` and shows it in its report.
-
-        Raises:
-            InputError: it has no twin, or no object was measured.
+        Raises InputError: it has no twin, or no object was measured.
         """
         from palpate.runs.export import PROOF, proof_json
         from palpate.runs.proof import prove
@@ -195,10 +193,7 @@ def open(folder: str | Path) -> Run:
     """Read the run in a folder that `Run.save` or the command line wrote.
 
     The trace is read at first use. A folder does not keep the camera's footage. If the scene's file
-    was removed, the scene is empty.
-
-    Raises:
-        InputError: there is no such folder, or it is not a run's.
+    was removed, the scene is empty. Raises InputError: there is no such folder, or it is not a run's.
     """
     return run_of(reopen(Path(folder)))
 
@@ -240,9 +235,7 @@ def finish(folder: str | Path, progress: Progress = ignore, film: bool = False) 
     """Finish an interrupted run from its folder and write its report again.
 
     With `film`, a film of its trace is rendered as well.
-
-    Raises:
-        InputError: there is no such folder, or it is not a run's.
+    Raises InputError: there is no such folder, or it is not a run's.
     """
     return run_of(pipeline.finish(Path(folder), RunCallbacks(progress=progress), film))
 

@@ -75,8 +75,7 @@ class Camera:
 def load_image(path: Path, max_side: int = MAX_SIDE) -> NDArray[np.uint8]:
     """Load a PNG or JPEG as RGB pixels (height, width, 3), the longer side at most `max_side`.
 
-    Raises:
-        InputError: not readable, not PNG or JPEG, or too large.
+    Raises InputError: not readable, not PNG or JPEG, or too large.
     """
     from PIL import Image  # most scenes have no picture
 

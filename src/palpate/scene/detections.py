@@ -126,8 +126,7 @@ class ColourRegion:
 def sharpen_boxes(objects: Sequence[SceneObject], pixels: Pixels) -> tuple[SceneObject, ...]:
     """Refine boxes and add outlines by `pixels` (height, width, 3), if these are unambiguous.
 
-    Raises:
-        InputError: a box shows bare table, and a region of its size is elsewhere.
+    Raises InputError: a box shows bare table, and a region of its size is elsewhere.
     """
     planes = [item for item in objects if item.shape == "plane"]
     items = [item for item in objects if item.shape != "plane" and item.outline is None]

@@ -50,9 +50,7 @@ def fit(
     """Fit a shape on the level plane at world z `level` to its box in the image.
 
     With `placed`, its position and yaw are given. An outline refines blocks and cylinders.
-
-    Raises:
-        InputError: no such shape fits; the message addresses the model.
+    Raises InputError: no such shape fits; the message addresses the model.
     """
     # The box alone first: its result is the start of the fit to the outline.
     upright = _upright(camera, item, level, placed)
@@ -332,9 +330,7 @@ class DetectedScene:
         """Fit the scene; `heights` are measured tops of planes, world z in m.
 
         The `refit` of the scene fits it again to other heights.
-
-        Raises:
-            InputError: no plane, or a box that no such shape fills; the message addresses the model.
+        Raises InputError: no plane, or a box that no such shape fills; the message addresses the model.
         """
         measured = dict(heights or {})
         planes, items = split_planes(self.objects)

@@ -104,9 +104,7 @@ def placed_by_keyframes(scene: ResolvedScene) -> dict[str, list[str]]:
     """Find the objects that a keyframe moves or turns away from their pose, by the keyframe's name.
 
     The result is empty for a file with `GENERATED` joints, whose order in `qpos` is unknown.
-
-    Raises:
-        InputError: a keyframe's `qpos` has no numbers, or another count than the joints.
+    Raises InputError: a keyframe's `qpos` has no numbers, or another count than the joints.
     """
     root, defaults = scene.document.root, scene.description.roles.defaults
     # Start of each joint's numbers in qpos: MuJoCo counts the joints in the order of the file.

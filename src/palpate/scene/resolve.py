@@ -205,9 +205,7 @@ def changes(
 
     The changes may depend on `known` values, which are not written. The standard deviations `std`
     determine the number of digits.
-
-    Raises:
-        InputError: a value of a body that the scene does not have, or without a place in the file.
+    Raises InputError: a value of a body that the scene does not have, or without a place in the file.
     """
     for name in dict.fromkeys(parameter.object for parameter in values):
         ids = [parameter.quantity for parameter in values if parameter.object == name]

@@ -178,8 +178,7 @@ class Scaffold:
 def new_scene(folder: Path, names: Sequence[str], surface: str = "table") -> Scaffold:
     """Write a scene of the named objects on a surface.
 
-    Raises:
-        InputError: not a name, a file that exists, or a folder that cannot be written.
+    Raises InputError: not a name, a file that exists, or a folder that cannot be written.
     """
     surface = identifier(surface)
     items = place_objects(names)

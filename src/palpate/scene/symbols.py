@@ -150,8 +150,7 @@ class Symbols:
     def parse(self, expression: str) -> PoseExpression:
         """Parse a pose expression; aliases (`hammer`, `z_off`, `+z`) become full names.
 
-        Raises:
-            InputError: not of the grammar, or unknown names; the message lists the valid ones.
+        Raises InputError: not of the grammar, or unknown names; the message lists the valid ones.
         """
         if expression in self._read:
             return self._read[expression]
@@ -198,9 +197,7 @@ class Symbols:
         """TCP pose of an expression in the world.
 
         `bound` are measured positions of poses on their lines, m.
-
-        Raises:
-            InputError: as `parse`; no room for a temporary pose; or a position outside its line.
+        Raises InputError: as `parse`; no room for a temporary pose; or a position outside its line.
         """
         parsed = self._parse(expression)
         if parsed.name in self.lines:

@@ -345,8 +345,7 @@ WRITERS: Mapping[Format, Callable[[Path, Path, Mapping[str, float]], tuple[Path,
 def require_same(twin: mujoco.MjModel, exported: mujoco.MjModel) -> None:
     """Require mass, centre of mass and inertia of all bodies, and the passive forces of all joints.
 
-    Raises:
-        PalpateError: one differs.
+    Raises PalpateError: one differs.
     """
     bodies, joints = bodies_of(mujoco, exported), joints_of(exported)
     for name, expected in {**bodies_of(mujoco, twin), **joints_of(twin)}.items():
@@ -369,8 +368,7 @@ def require_same(twin: mujoco.MjModel, exported: mujoco.MjModel) -> None:
 def require_same_fields(twin: mujoco.MjModel, exported: mujoco.MjModel) -> None:
     """Require the same contacts, shapes, places, limits and springs of two MJCF files, in order.
 
-    Raises:
-        PalpateError: one differs.
+    Raises PalpateError: one differs.
     """
     for field in dict.fromkeys(field for fields in FIELDS.values() for field in fields):
         expected, read = np.asarray(getattr(twin, field)), np.asarray(getattr(exported, field))

@@ -342,11 +342,7 @@ def judge(
 
 
 def require_readers(findings: Sequence[Finding], chosen: str) -> None:
-    """Require that at least one reader of a format is installed.
-
-    Raises:
-        Unavailable: none is.
-    """
+    """Require that at least one reader of a format is installed. Raises Unavailable: none is."""
     if not findings:
         names = ", ".join(p for r in READERS if chosen in r.formats for p in r.packages)
         raise Unavailable(

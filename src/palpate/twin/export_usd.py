@@ -19,11 +19,7 @@ SCENE_PRIM = "PhysicsScene"
 
 
 def require_usd() -> None:
-    """Require the converter to USD.
-
-    Raises:
-        Unavailable: it is not installed.
-    """
+    """Require the converter to USD. Raises Unavailable: it is not installed."""
     try:
         _module("mujoco_usd_converter")
     except ImportError as error:

@@ -49,10 +49,7 @@ def inject(
 
     A `?` without a value stays; see `unfilled_unknowns`. Relative file names start at `folder`. If
     a value belongs into an included file, the contents of all included files replace the
-    `<include>`s.
-
-    Raises:
-        InputError: not a usable scene, or a value that has no place in it.
+    `<include>`s. Raises InputError: not a usable scene, or a value that has no place in it.
     """
     # Write the values, and require that MuJoCo reads them back.
     description = describe(parse_document(text, folder), Poses(), catalogue())

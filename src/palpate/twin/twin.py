@@ -59,8 +59,7 @@ class Twin:
     def mjmodel(self) -> MjModel:
         """The twin compiled, without any robot.
 
-        Raises:
-            InputError: the twin cannot be simulated; the message states the reason.
+        Raises InputError: the twin cannot be simulated; the message states the reason.
         """
         if self.scene is None:
             raise InputError("; ".join(self.notes) or "the twin was not simulated")
@@ -204,8 +203,7 @@ def read_twin(
 ) -> Twin:
     """Read the twin of `scene` that was built before, with its validation.
 
-    Raises:
-        InputError: the MJCF does not belong to the scene.
+    Raises InputError: the MJCF does not belong to the scene.
     """
     written = twin_estimates(estimates)
     document = scene.resolved.document

@@ -287,11 +287,7 @@ class _SceneObject(BaseModel):
 
 
 def scene_objects(value: object) -> tuple[SceneObject, ...]:
-    """Return the detected objects in an answer.
-
-    Raises:
-        InputError: too many objects, or an invalid one.
-    """
+    """Return the detected objects in an answer. Raises InputError: too many objects, or an invalid one."""
     if not isinstance(value, Sequence) or isinstance(value, str):
         raise InputError("scene: must be a list of objects with name, shape and bbox")
     items = cast("Sequence[object]", value)

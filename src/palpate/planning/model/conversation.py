@@ -171,11 +171,7 @@ class Conversation:
 
     @classmethod
     def load(cls, text: str) -> Conversation:
-        """Read a conversation from its JSON text.
-
-        Raises:
-            InputError: the text is no conversation.
-        """
+        """Read a conversation from its JSON text. Raises InputError: the text is no conversation."""
         try:
             return TypeAdapter(cls).validate_json(text)
         except ValidationError as error:
@@ -188,9 +184,5 @@ class Conversation:
 
 
 def read_conversation(path: Path) -> Conversation:
-    """Read a conversation from its file.
-
-    Raises:
-        InputError: no such file, or not a conversation.
-    """
+    """Read a conversation from its file. Raises InputError: no such file, or not a conversation."""
     return Conversation.load(read_text(path, MAX_CONVERSATION, "a conversation"))

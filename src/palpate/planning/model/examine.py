@@ -49,11 +49,7 @@ SIDE = 64
 
 
 def examine(planner: str, base_url: str | None, seconds: float) -> Iterator[Line]:
-    """Examine `PROVIDER[:MODEL]` with at most `seconds` per request.
-
-    Raises:
-        InputError: the address is not usable.
-    """
+    """Examine `PROVIDER[:MODEL]` with at most `seconds` per request. Raises InputError: the address is not usable."""
     name, _, model = planner.partition(":")
     provider = PROVIDERS[name]
     model = model or provider.model
@@ -140,8 +136,7 @@ def try_model(endpoint: Endpoint, seconds: float) -> Iterator[Line]:
 def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, ...]:
     """Return the names of the server's models.
 
-    Raises:
-        Unavailable: it is unreachable, refuses, or sends no such list.
+    Raises Unavailable: it is unreachable, refuses, or sends no such list.
     """
     url = address.rstrip("/") + LISTS.get(provider.name, "/models")
     # Each provider has its own header for the key.
@@ -170,11 +165,7 @@ def model_names(provider: Provider, address: str, seconds: float) -> tuple[str, 
 
 
 async def fetch_json(url: str, headers: dict[str, str], seconds: float) -> dict[str, Any]:
-    """Fetch the JSON object at a URL.
-
-    Raises:
-        Unavailable: the server sends none.
-    """
+    """Fetch the JSON object at a URL. Raises Unavailable: the server sends none."""
     import httpx2
 
     shown = url.partition("?")[0]

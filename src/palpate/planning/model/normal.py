@@ -90,9 +90,7 @@ def nest_tree(document: Mapping[str, Any]) -> dict[str, Any]:
     """Convert a plan with a flat list of `nodes` to one with a nested tree.
 
     Null arguments, which strict schemas require, are dropped. An empty list means no tree.
-
-    Raises:
-        InputError: an id is unknown or duplicate, or the nodes do not form one tree.
+    Raises InputError: an id is unknown or duplicate, or the nodes do not form one tree.
     """
     plan = dict(document)
     nodes = nodes_by_id(plan.pop("nodes"))
@@ -114,11 +112,7 @@ def nest_tree(document: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def nodes_by_id(value: object) -> dict[int, dict[str, Any]]:
-    """Return the nodes by id.
-
-    Raises:
-        InputError: not a list, an id is missing or duplicate, or a child is missing.
-    """
+    """Return the nodes by id. Raises InputError: not a list, an id is missing or duplicate, or a child is missing."""
     if not isinstance(value, list):
         raise InputError("nodes: must be a list")
     nodes: dict[int, dict[str, Any]] = {}
@@ -220,9 +214,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
 
     The result has lower-case fields, a list of parameters, and one tree with declared types and
     arguments. Instead of a tree it may have a flat list of nodes with integer ids.
-
-    Raises:
-        InputError: a tree written as text is nested too deep, or has a duplicate field.
+    Raises InputError: a tree written as text is nested too deep, or has a duplicate field.
     """
     # Field names first, then parameters, outcome and tree.
     fields = lower_keys(document)

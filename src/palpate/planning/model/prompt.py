@@ -272,11 +272,7 @@ def compose(
 
 
 def checked_modules(names: Iterable[str]) -> frozenset[str]:
-    """Return the module names as a set.
-
-    Raises:
-        InputError: an unknown name; the message lists the valid ones.
-    """
+    """Return the module names as a set. Raises InputError: an unknown name; the message lists the valid ones."""
     for name in names:
         if name not in MODULES:
             raise unknown_name("prompt module", name, MODULES)
@@ -284,11 +280,7 @@ def checked_modules(names: Iterable[str]) -> frozenset[str]:
 
 
 def checked_style(name: str) -> Style:
-    """Return the style of this name.
-
-    Raises:
-        InputError: an unknown name; the message lists the valid ones.
-    """
+    """Return the style of this name. Raises InputError: an unknown name; the message lists the valid ones."""
     if name not in STYLES:
         raise unknown_name("prompt", name, STYLES)
     return name

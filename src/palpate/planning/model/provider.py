@@ -46,11 +46,7 @@ class Provider:
         return next((value for v in self.key_variables if (value := os.environ.get(v))), None)
 
     def require_key(self) -> None:
-        """Require a key in the environment, if the provider needs one.
-
-        Raises:
-            Unavailable: there is none.
-        """
+        """Require a key in the environment, if the provider needs one. Raises Unavailable: there is none."""
         if self.key_required and not self.key():
             raise Unavailable(
                 f"the planner '{self.name}' needs a key: set {self.key_variables[0]} in the environment, "
@@ -60,8 +56,7 @@ class Provider:
     def address(self, base_url: str | None) -> str | None:
         """Return the address: `base_url`, else the environment's, else the default.
 
-        Raises:
-            InputError: it is not an http or https address, or there is none.
+        Raises InputError: it is not an http or https address, or there is none.
         """
         # Order of precedence: argument, environment, default.
         url = base_url or os.environ.get(self.url_variable) or self.url
@@ -145,8 +140,7 @@ class Endpoint:
 def find_provider(planner: str) -> tuple[Provider, str]:
     """Return the provider and model of `PROVIDER:MODEL` or `PROVIDER`.
 
-    Raises:
-        InputError: unknown provider, or no model without a default.
+    Raises InputError: unknown provider, or no model without a default.
     """
     name, _, model = planner.partition(":")
     if name not in PROVIDERS:
@@ -181,8 +175,7 @@ class ReportedError(Exception):
 def sdk_model(endpoint: Endpoint, client: httpx2.AsyncClient) -> Model:
     """Return the SDK's model of `endpoint`, with requests through `client`.
 
-    Raises:
-        ImportError: the provider's SDK is not installed.
+    Raises ImportError: the provider's SDK is not installed.
     """
     name, key, address = endpoint.provider.name, endpoint.provider.key(), endpoint.address
     # Google and Anthropic have their own SDKs.
@@ -268,8 +261,7 @@ async def _bound(response: httpx2.Response) -> None:
 def complete_reply(body: bytes) -> bytes:
     """Complete a chat completion of a server that leaves out fields or streams unasked.
 
-    Raises:
-        ReportedError: the reply has an error in place of an answer.
+    Raises ReportedError: the reply has an error in place of an answer.
     """
     try:
         document = _joined_events(body) if body.lstrip().startswith(b"data:") else json.loads(body)

@@ -72,8 +72,7 @@ class Picture:
 def picture(path: Path) -> Picture:
     """Encode a picture file for sending: downscaled and without the file's metadata.
 
-    Raises:
-        InputError: not readable as a picture, or too large.
+    Raises InputError: not readable as a picture, or too large.
     """
     # Encoding again removes metadata and bounds the size.
     pixels = load_image(path, LONGEST_SIDE)
@@ -98,8 +97,7 @@ class ModelSession:
     def ask(self, message: str) -> Answer:
         """Send the next message and return the answer.
 
-        Raises:
-            Unavailable: the provider is unreachable or refuses, or the time is used up.
+        Raises Unavailable: the provider is unreachable or refuses, or the time is used up.
         """
         started = time.monotonic()
         self.deadline = self.deadline or started + self.budget.seconds  # of the whole dialogue
@@ -182,11 +180,7 @@ class ModelSession:
                 raise self._failure(cause_of(error) or NOT_THE_API) from None
 
     def _wait(self, error: ModelAPIError, attempt: int) -> float:
-        """Return the seconds until a retry.
-
-        Raises:
-            Unavailable: a retry is useless, or there is no time for it.
-        """
+        """Return the seconds until a retry. Raises Unavailable: a retry is useless, or there is no time for it."""
         # Give up after permanent errors and after the last retry.
         problem = reason(error, self.endpoint)
         if not may_pass(error):

@@ -113,8 +113,7 @@ class ModelSettings:
     def check_values(self) -> ModelSettings:
         """Return these settings after a check of their names.
 
-        Raises:
-            InputError: no such style, module or provider.
+        Raises InputError: no such style, module or provider.
         """
         # Load the prompt module only if there is something to check.
         if self.prompt != "full" or self.without:

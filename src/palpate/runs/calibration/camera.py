@@ -242,9 +242,7 @@ def _chosen(
     """Choose reachable configurations of `q` (n, 7) that determine the camera's pose best, in a short order.
 
     `drawn` has their views of the tag, which is believed to be at the pose `tag`.
-
-    Raises:
-        InputError: too few configurations remain.
+    Raises InputError: too few configurations remain.
     """
     left = in_view(drawn, tag)
     for _ in range(TRIES):

@@ -133,10 +133,7 @@ def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> Ga
     """Compute the posterior of the gains from the weighing of a known mass, kg.
 
     The readings of `trace` are corrected by the calibration so far; `parameter` is the mass of the weight.
-
-    Raises:
-        InputError: the object was not weighed, its weighing contradicts itself, or its mass is not
-            the stated one.
+    Raises InputError: the object was not weighed, its weighing contradicts itself, or its mass is not the stated one.
     """
     recording = trace.converted(parameter)
     if recording is None or trace.hand.chain is None:
@@ -215,9 +212,7 @@ def gains_from_own_weight(trace: Trace, arm: RobotDescription) -> GainBelief:
     """Compute the posterior of the gains from the arm's own weight at rest in many configurations.
 
     The readings of `trace` are corrected by the calibration so far.
-
-    Raises:
-        InputError: too few rests, or a weight that such an arm cannot have.
+    Raises InputError: too few rests, or a weight that such an arm cannot have.
     """
     # Each recording is one rest; half of the planned ones must exist.
     rests = [samples for r in trace.recordings if len(samples := trace.of(r))]

@@ -194,9 +194,7 @@ def rigid_touches(touches: Sequence[SurfaceTouch]) -> list[SurfaceTouch]:
 
     Certainly rigid touches are selected if they are the majority. Otherwise possibly rigid ones
     are, of an arm with compliant tips.
-
-    Raises:
-        InputError: the majority is certainly compliant, or under something soft.
+    Raises InputError: the majority is certainly compliant, or under something soft.
     """
     # Possibly rigid: the lower bound of the compliance is that of a rigid surface.
     may_be = [touch for touch in touches if touch.at_least <= RIGID and touch.soft == 0.0]
