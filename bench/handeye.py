@@ -34,7 +34,7 @@ from palpate.perception.solve import move_pose, pose_difference
 from palpate.robots.description import PREFIX, RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.robot_config import RobotConfig
-from palpate.runs.calibration.camera import KEPT, PICTURES, configurations, in_view, locate
+from palpate.runs.calibration.camera import KEPT, PICTURES, configurations, locate, select_views
 from palpate.runs.calibration.gains import LENGTH, Known
 from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.settings import WORLD_CAMERA, Settings
@@ -115,7 +115,7 @@ def drawn(session: CalibrationSession, noise: float, seed: int) -> Off:
     )
     frame = frame_of(hands[:KEPT], jacobians[:KEPT])
     views = CalibrationViews(hands, jacobians, frame, SIDE / 2, 0.0, lens, believed, False, 1e-4)
-    left = in_view(views, STICKER)
+    left = select_views(views, STICKER)
     chosen = [left[i] for i in surest(views.some(left), STICKER, PICTURES)]
     true = move_pose(believed.pose_world_camera, PLACE * random.standard_normal(6))
     zoom = float(np.exp(LENS * random.standard_normal()))

@@ -14,7 +14,7 @@ X, Z = np.array([1.0, 0.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
 
 def test_a_touch_moves_a_pose_by_the_ratio_of_variances() -> None:
-    after = Belief.of(SEEN, SPREAD).touched("probe", X, SEEN.position, 0.005)
+    after = Belief.of(SEEN, SPREAD).update("probe", X, SEEN.position, 0.005)
     gain = 0.004**2 / (0.004**2 + ERROR**2)
     assert after.pose.position - SEEN.position == pytest.approx([gain * 0.005, 0.0, 0.0])
     assert after.std(X) == pytest.approx(0.004 * np.sqrt(1.0 - gain))
@@ -41,7 +41,7 @@ def test_errors_after_touches_are_as_large_as_the_covariance_says() -> None:
             small = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
             apart = true - along @ (believed + np.cross(small, lever))
             met = float(apart + ERROR * random.standard_normal())
-            belief = belief.touched("probe", along, belief.pose.position + lever, met)
+            belief = belief.update("probe", along, belief.pose.position + lever, met)
         left = np.concatenate([believed_error(belief, error)])
         squares.append(left @ np.linalg.solve(belief.covariance, left) / 6)
     assert 0.85 < np.sqrt(np.mean(squares)) < 1.15
@@ -57,7 +57,7 @@ def believed_error(belief: Belief, error: np.ndarray) -> np.ndarray:
 def test_a_pushed_object_corrects_its_present_pose_only() -> None:
     related = SPREAD.copy()
     related[0, 1] = related[1, 0] = 0.9 * 0.004 * 0.003  # as seen along a ray
-    after = Belief.of(SEEN, related).touched("fingers", X, SEEN.position, 0.001, pushed=0.02)
+    after = Belief.of(SEEN, related).update("fingers", X, SEEN.position, 0.001, pushed=0.02)
     assert after.std(X) < 1.05 * ERROR
     assert after.std(np.array([0.0, 1.0, 0.0])) > 0.95 * 0.003
     assert after.placed is SEEN
@@ -65,8 +65,8 @@ def test_a_pushed_object_corrects_its_present_pose_only() -> None:
 
 def test_an_offset_of_three_deviations_contradicts_and_widens_sight() -> None:
     whole = float(np.hypot(0.004, ERROR))
-    assert not Belief.of(SEEN, SPREAD).touched("probe", X, SEEN.position, 2.9 * whole).contradiction
-    after = Belief.of(SEEN, SPREAD).touched("probe", X, SEEN.position, 5.0 * whole)
+    assert not Belief.of(SEEN, SPREAD).update("probe", X, SEEN.position, 2.9 * whole).contradiction
+    after = Belief.of(SEEN, SPREAD).update("probe", X, SEEN.position, 5.0 * whole)
     assert after.contradiction.startswith(
         "it was met +20.6 ± 1.0 mm along +x from where it was seen, 5.0"
     )

@@ -130,7 +130,7 @@ def test_local_undoes_apply() -> None:
     assert pose.local(pose.apply((0.1, 0.2, -0.3))) == pytest.approx((0.1, 0.2, -0.3))
 
 
-LINE = PoseLine.around(
+LINE = PoseLine.spanning(
     Pose.of([0.5, 0.0, 0.1]), np.array([0.0, 0.05, 0.0]), np.array([0.6, 0.02, 0.0])
 )
 

@@ -26,7 +26,7 @@ from palpate.robots.robot_config import (
 )
 from palpate.robots.simulated.robot import MujocoRobot
 from palpate.runs.settings import Settings, request_json, settings_from
-from palpate.scene.poses import Poses, seen_by
+from palpate.scene.poses import Poses, add_arm_camera
 
 ARM = load_description()
 DOWN = np.array([0.0, 0.0, -9.81])
@@ -62,13 +62,13 @@ def written(folder: Path, text: str = EVERYTHING) -> Path:
 def test_the_camera_of_the_arm_is_used_if_no_poses_have_one(tmp_path: Path) -> None:
     arm = apply_calibration(ARM, read_config(written(tmp_path)))
     base = Pose.of((0.0, 0.5, 0.7), (np.sqrt(0.5), 0.0, 0.0, np.sqrt(0.5)))
-    camera = seen_by(Poses(), arm, base).camera
+    camera = add_arm_camera(Poses(), arm, base).camera
     assert camera is not None
     assert camera.pos == pytest.approx((0.0, 1.7, 1.5), abs=2e-3)  # the base leans by a mrad
     assert (camera.fovy, camera.size) == (45.0, (640, 480))
     own = Poses(camera=camera.model_copy(update={"fovy": 60.0}))
-    assert seen_by(own, arm, base) is own
-    assert seen_by(Poses(), ARM, base).camera is None
+    assert add_arm_camera(own, arm, base) is own
+    assert add_arm_camera(Poses(), ARM, base).camera is None
 
 
 @pytest.mark.parametrize("quat", ["[0, 0, 0, 0]", "[1, 0, 0]", "up"])

@@ -10,7 +10,7 @@ import pytest
 
 import palpate as pp
 from palpate.runs import building as replaying
-from palpate.runs.building import PlanPart, replay_of, replay_parts, rests, touch_twin
+from palpate.runs.building import PlanPart, iter_rests, replay_of, replay_parts, touch_twin
 from palpate.runs.run import Run
 from palpate.trace.recording import Context, LeafRun
 from palpate.twin.validate import Felt, mean_recordings
@@ -76,18 +76,18 @@ def changed(run: Run, change: Callable[[Context], Context]) -> list[LeafRun]:
 
 def test_a_part_begins_in_free_air_with_everything_in_its_place(run) -> None:
     leaves = run.trace.leaves
-    targets = [leaves[i].label for i in rests(leaves)]
+    targets = [leaves[i].label for i in iter_rests(leaves)]
     assert targets[0].startswith("MoveUntilContact")
     assert "MovePose(mug_pose + z_offset)" in targets
     closed = [
         replace(leaf, primitive="CloseGripper") if leaf.primitive == "OpenGripper" else leaf
         for leaf in leaves
     ]
-    assert not list(rests(closed))
-    assert not list(rests(changed(run, lambda one: replace(one, activity="working"))))
+    assert not list(iter_rests(closed))
+    assert not list(iter_rests(changed(run, lambda one: replace(one, activity="working"))))
     moved = changed(run, lambda one: replace(one, grasp="elsewhere"))
     put_down = [leaf.primitive for leaf in leaves].index("OpenGripper", 3)
-    assert max(rests(moved)) < put_down < max(rests(leaves))
+    assert max(iter_rests(moved)) < put_down < max(iter_rests(leaves))
 
 
 def test_a_twin_is_compared_up_to_the_first_repetition(run) -> None:

@@ -142,7 +142,7 @@ def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
 def test_a_pose_is_stated_by_sight_touch_and_both_and_a_contradiction_is_no_success() -> None:
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), np.diag([1e-5] * 3 + [1e-4] * 3))
     along = np.array([1.0, 0.0, 0.0])
-    felt = seen.touched("probe", along, np.array([0.47, 0.1, 0.4]), 0.002)
+    felt = seen.update("probe", along, np.array([0.47, 0.1, 0.4]), 0.002)
     found = result(replace(COMPLETE, beliefs={"cup": felt}))
     assert found["status"] == "complete"
     (pose,) = found["poses"]
@@ -151,7 +151,7 @@ def test_a_pose_is_stated_by_sight_touch_and_both_and_a_contradiction_is_no_succ
     assert 0.0 < pose["both"]["pos"][0] - pose["sight"]["pos"][0] < 0.002
     assert pose["both"]["covariance"][0][0] < pose["sight"]["covariance"][0][0]
     assert belief_json("cup", belief_from(pose)) == belief_json("cup", felt)
-    off = seen.touched("probe", along, np.array([0.47, 0.1, 0.4]), 0.02)
+    off = seen.update("probe", along, np.array([0.47, 0.1, 0.4]), 0.02)
     found = result(replace(COMPLETE, beliefs={"cup": off}))
     assert found["status"] == "failed"
     assert "+20.0 ± 1.0 mm along +x" in found["poses"][0]["contradiction"]

@@ -21,10 +21,10 @@ from palpate.twin.export_check import (
     Reader,
     add_probes,
     check_export,
+    collect_quantities,
     experiments_for,
     is_installed,
     judge,
-    measured,
 )
 from palpate.twin.export_readers import bodies_of
 
@@ -110,7 +110,7 @@ MERGED = """<mujoco><worldbody>
 def test_rigidly_connected_bodies_count_as_one_since_readers_merge_them() -> None:
     model = mujoco.MjModel.from_xml_string(MERGED)
     apart = {"bodies": bodies_of(mujoco, model), "runs": {"rest": {"com": {}}}}
-    whole = measured(model, apart)
+    whole = collect_quantities(model, apart)
     assert whole["mass"] == {"base": pytest.approx(2.5)}
     assert whole["com"]["base"] == pytest.approx([0.0, 0.1, 0.52])
     # MuJoCo itself merges the bodies.
@@ -118,7 +118,7 @@ def test_rigidly_connected_bodies_count_as_one_since_readers_merge_them() -> Non
     spec.compiler.fusestatic = True
     fused = spec.compile()
     assert fused.nbody == 2
-    its = measured(model, {"bodies": bodies_of(mujoco, fused), "runs": apart["runs"]})
+    its = collect_quantities(model, {"bodies": bodies_of(mujoco, fused), "runs": apart["runs"]})
     for quantity in SURE:
         assert its[quantity]["base"] == pytest.approx(whole[quantity]["base"])
     # The heaviest of them is pressed.

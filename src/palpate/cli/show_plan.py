@@ -14,7 +14,7 @@ from palpate.cli.console import escape, out, print_json
 from palpate.cli.show_layout import show_next
 from palpate.common.display import visible
 from palpate.common.redaction import redact
-from palpate.runs.reproduce import executing, running
+from palpate.runs.reproduce import execute_command, run_command
 
 if TYPE_CHECKING:
     from palpate.planning.check.finding import Finding
@@ -41,9 +41,9 @@ def show_plan(plan: CheckedPlan, as_json: bool, file: Path | None) -> None:
         return
     settings = plan.run_so_far.settings
     if file is not None:
-        show_next("let the arm carry it out", executing(settings, file))
+        show_next("let the arm carry it out", execute_command(settings, file))
     else:
-        show_next("let the arm carry it out", running(settings))
+        show_next("let the arm carry it out", run_command(settings))
 
 
 def print_plan(plan: Plan, console: Console) -> None:
@@ -70,14 +70,14 @@ def understood(plan: Plan) -> str:
 def show_proposal(run: Run) -> None:
     """Print the proposal of a rejected plan, if any, and the command that accepts it."""
     if run.plan.proposal:
-        from palpate.runs.answer import asks_for_answer
+        from palpate.runs.answer import has_comparison
 
         # The accepted command has the parameters instead of the request. A question keeps it, because
         # its answer needs it.
         out.prose(f"\n{escape(understood(run.plan))}")
-        request = run.settings.request if asks_for_answer(run) else None
+        request = run.settings.request if has_comparison(run) else None
         accepted = run.settings.having(request=request, measure=run.plan.proposal)
-        show_next("measure that", running(accepted))
+        show_next("measure that", run_command(accepted))
 
 
 def show_notes(plan: Plan, console: Console) -> None:

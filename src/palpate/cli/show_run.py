@@ -73,7 +73,7 @@ def play_again(page: LivePage, run: Run, signals: Interrupts) -> None:
     """Offer the finished run for playback on the page until it is closed or Ctrl-C is pressed."""
     page.offer_playback(run)
     err.print(f"[dim]played again at[/] {page.url} [dim]until Ctrl-C[/]", soft_wrap=True)
-    while not page.closed and not signals.pressed():
+    while not page.closed and not signals.count_new():
         time.sleep(0.2)
     signals.forget()
 

@@ -11,7 +11,7 @@ from rich.text import Text
 from palpate.cli.console import escape, out, print_json
 from palpate.cli.show_layout import TableColumn, print_rows, show_next
 from palpate.common.display import to_json
-from palpate.runs.reproduce import running
+from palpate.runs.reproduce import run_command
 
 if TYPE_CHECKING:
     from palpate.mjcf.body import Body
@@ -110,7 +110,7 @@ def show_gap(scene: Scene, as_json: bool) -> None:
     for remark in scene.remarks:
         out.print(f"[dim]{escape(remark)}[/]")
     if scene.missing:
-        show_next("measure what is missing", running(scene.given))
+        show_next("measure what is missing", run_command(scene.given))
 
 
 def _body_cells(body: Body, scene: Scene) -> list[str]:

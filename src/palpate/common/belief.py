@@ -116,7 +116,7 @@ class Belief:
         row = self._row(along, self.pose.position if point is None else point)
         return float(np.sqrt(row @ self.covariance @ row))
 
-    def touched(
+    def update(
         self, means: Means, along: Array, point: Array, gap: float, pushed: float = 0.0
     ) -> Belief:
         """Update the belief by a touch at `point` (3,), m, that was `gap` m farther along `along` (3,) than

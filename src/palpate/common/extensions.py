@@ -43,7 +43,7 @@ class Registry(dict[str, T]):
         return self[name]
 
 
-def offered(group: str) -> Iterator[object]:
+def iter_entry_points(group: str) -> Iterator[object]:
     """Yield the public members of the modules that the entry points of `group` name. Raises
     InputError: a module cannot be loaded; the message names it."""
     for module in extensions(group):

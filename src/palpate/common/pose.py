@@ -157,7 +157,7 @@ class PoseLine:
     believed: float  # m along it, the assumed position before a measurement
 
     @classmethod
-    def around(cls, pose: Pose, half: Array, point: Array) -> PoseLine:
+    def spanning(cls, pose: Pose, half: Array, point: Array) -> PoseLine:
         """Make the segment from -`half` to +`half`, (3,) m in the world, about a pose.
 
         `believed` is the position nearest to `point` (3,) in the world.

@@ -95,7 +95,7 @@ class Interrupts:
             self._deferring, self._before = deferring, before
 
     @contextmanager
-    def raised(self) -> Generator[None]:
+    def raise_in_block(self) -> Generator[None]:
         """Raise signals inside the block.
 
         A pending signal is raised at the beginning. At the end a signal is raised that was deferred inside
@@ -114,7 +114,7 @@ class Interrupts:
             self._handled = self._count
             raise Interrupted(self.reason)
 
-    def pressed(self) -> int:
+    def count_new(self) -> int:
         """Return the number of signals since the outermost `defer` block began; they count as handled now."""
         self._handled = self._count
         return self._count - self._before
@@ -164,7 +164,7 @@ def before_anything_moves(doing: str) -> Generator[None]:
         ExecutionAborted: a signal arrived.
     """
     try:
-        with interrupts() as signals, signals.raised():
+        with interrupts() as signals, signals.raise_in_block():
             yield
     except KeyboardInterrupt:
         raise ExecutionAborted(f"interrupted while {doing}; nothing has moved") from None

@@ -8,7 +8,7 @@ from functools import cache
 from typing import TYPE_CHECKING
 
 from palpate.common.errors import InputError, Unavailable
-from palpate.common.extensions import Registry, offered
+from palpate.common.extensions import Registry, iter_entry_points
 from palpate.common.pose import Pose
 from palpate.execution.cell import Cell, Driver, Finding, GuidedHand
 from palpate.robots.description import RobotDescription
@@ -108,5 +108,5 @@ class Drivers(Registry[Driver]):
 @cache
 def drivers() -> Drivers:
     """Palpate's own drivers and those of the entry-point group `palpate.cells`."""
-    others = (part for part in offered("palpate.cells") if isinstance(part, Driver))
+    others = (part for part in iter_entry_points("palpate.cells") if isinstance(part, Driver))
     return Drivers([(one.scheme, one) for one in (driver, *others)])

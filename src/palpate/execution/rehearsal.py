@@ -137,7 +137,7 @@ def _rehearse_once(plan: Plan, scene: Scene, draws: int) -> Rehearsal:
     # The worlds are shared out to the processors. A failure in the believed one, the first, ends the others.
     with (
         interrupts() as signals,
-        signals.raised(),
+        signals.raise_in_block(),
         closing(shared_out(lambda world: _attempt(plan, scene, *world), worlds)) as attempts,
     ):
         believed = next(attempts)

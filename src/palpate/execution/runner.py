@@ -207,11 +207,11 @@ class Loop:
 
     def interrupted(self) -> str | None:
         """Reason of a first signal, which asks for a controlled stop."""
-        return self.signals.reason if self.signals.pressed() else None
+        return self.signals.reason if self.signals.count_new() else None
 
     def hold_reason(self) -> str | None:
         """Reason of a second signal, which asks to hold immediately."""
-        return self.signals.reason if self.signals.pressed() > 1 else None
+        return self.signals.reason if self.signals.count_new() > 1 else None
 
     def stop(self) -> None:
         """Bring all motion to rest, then put down a held object."""

@@ -62,7 +62,7 @@ class ModelTree:
         roots = {path: twin_of[model.root] for path, model in attached.items()}
         return cls(twin_of[document.root], roots, twin_of, document.folder)
 
-    def loaded(self) -> Loaded:
+    def loaded_elements(self) -> Loaded:
         """Return the document's elements that are in this tree, or in a model that it still names."""
         # Models that are reachable by the names in `<asset>`.
         roots, pending = {self.root}, [self.root]
@@ -99,7 +99,7 @@ def model_tree(
         for keyframe in root.findall("keyframe"):
             root.remove(keyframe)
     _remove_robots(tree, document, roles)
-    loaded = tree.loaded()
+    loaded = tree.loaded_elements()
     if not is_drawn or has_large_textures(document, loaded):
         for root in (tree.root, *tree.attached.values()):
             _remove_textures(root)

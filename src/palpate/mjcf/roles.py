@@ -58,7 +58,7 @@ class Robots:
         moving = (c for c in iter_children(body) if c.tag == "body" and has_joint(c))
         return any(self._is_robot(child) for child in moving)
 
-    def within(self, prefix: str, root: Element) -> Robots:
+    def select_attached(self, prefix: str, root: Element) -> Robots:
         """Return the evidence for the robots of an attached model, `root`, whose names get a prefix in the scene."""
         # Names of the user that belong to the attached model, without its prefix.
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
@@ -208,7 +208,9 @@ class _Model:
 
     def inside(self, part: AttachedPart) -> _Model:
         """Return the model that an attached part comes from."""
-        robots = self.robots.within(part.attachments[-1].get("prefix") or "", part.model.root)
+        robots = self.robots.select_attached(
+            part.attachments[-1].get("prefix") or "", part.model.root
+        )
         return _Model(part.model, robots, part.attachments)
 
 

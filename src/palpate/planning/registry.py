@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeGuard
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import Registry, offered
+from palpate.common.extensions import Registry, iter_entry_points
 from palpate.common.files import read_bytes
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.plan import Plan, parse_plan
@@ -167,7 +167,7 @@ def planners() -> Planners:
     for provider in PROVIDERS:
         kinds.append(PlannerKind(provider, partial(_model, provider), "MODEL", optional=True))
     # Other packages add kinds. A planner class is wrapped in a factory without arguments.
-    for part in offered("palpate.planners"):
+    for part in iter_entry_points("palpate.planners"):
         if isinstance(part, PlannerKind):
             kinds.append(part)
         elif isinstance(part, type) and is_planner(part):

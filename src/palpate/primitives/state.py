@@ -196,11 +196,11 @@ class SymbolicState:
     def touched(
         self, name: str, means: Means, along: Array, point: Array, apart: float, pushed: float = 0.0
     ) -> SymbolicState:
-        """State after a touch (`Belief.touched`); a body that is not held moves with its named poses."""
+        """State after a touch (`Belief.update`); a body that is not held moves with its named poses."""
         before = self.belief_of(name)
         if before is None:
             return self
-        after = before.touched(means, along, point, apart, pushed)
+        after = before.update(means, along, point, apart, pushed)
         state = replace(self, beliefs={**self.beliefs, name: after})
         if name == self.holding:
             return state

@@ -88,7 +88,7 @@ def answer(run: Run) -> str | None:
     return _word_answer(sides[0], sides[-1], "", unit, tails=2)
 
 
-def asks_for_answer(run: Run) -> bool:
+def has_comparison(run: Run) -> bool:
     """True for a request that compares or adds up."""
     return _comparison(run) is not None
 

@@ -91,7 +91,7 @@ def _execute_part(world: Scene, part: PlanPart) -> tuple[Trace, World]:
     arm = measured_arm(scene.arm)
     # A robot without noise, with coarser physics and ticks than an execution.
     robot = MujocoRobot(world.spec(), scene.pose_world_base, arm, substeps=REPLAY_SUBSTEPS, q=q)
-    with interrupts() as signals, signals.raised():
+    with interrupts() as signals, signals.raise_in_block():
         done = perform(plan, scene, robot, noiseless=True, tick_period=REPLAY_PERIOD)
     return done.trace, robot.world
 
@@ -132,7 +132,7 @@ def _parts(
     opens = next((leaf.node for leaf in leaves if leaf.primitive == OPENS), "")
     # Parts may begin at rests only if no touch corrects a pose.
     certain = all(body.covariance is None for body in scene.bodies.values())
-    places = list(rests(leaves)) if certain else []
+    places = list(iter_rests(leaves)) if certain else []
     # Walk through the recordings; each part collects those that no rest separates.
     first, ends, q = 0, 0.0, None
     for before, after in zip(recordings, [*recordings[1:], None], strict=True):
@@ -181,7 +181,7 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
     return min(one.start for one in used), max(one.end for one in used)
 
 
-def rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
+def iter_rests(leaves: Sequence[LeafRun]) -> Iterator[int]:
     """Indices of motions before which the open hand is at rest in free air and no object was displaced."""
     is_open = False
     for i, (leaf, after) in enumerate(pairwise(leaves), 1):

@@ -64,7 +64,7 @@ class Keeper:
         """Carry out a stage; return the run with everything that it completed."""
         run = self.keep(replace(run, stage=stage))
         try:
-            with self._signals.raised():
+            with self._signals.raise_in_block():
                 for grown in step(run):
                     run = self.keep(grown, seldom=stage == "estimating")
         except KeyboardInterrupt:
@@ -91,7 +91,7 @@ class Keeper:
             finally:
                 self._close_stream()
             # A second signal, or one after the end of the motion, interrupts the run.
-            pressed = self._signals.pressed()
+            pressed = self._signals.count_new()
             stopped = run.execution is not None and run.execution.status == "stopped"
             if pressed > 1 or (pressed and not stopped):
                 run = replace(run, interrupted=f"{self._signals.reason} while executing")

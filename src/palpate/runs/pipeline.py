@@ -168,7 +168,7 @@ def measure(run: Run, callbacks: RunCallbacks = SILENT, cell: Cell | None = None
     """
     if not run.ready:
         return run
-    with interrupts() as signals, signals.raised():
+    with interrupts() as signals, signals.raise_in_block():
         cell = cell or _cell_of(run)
         return estimate(execute(run, cell, callbacks), cell, callbacks)
 

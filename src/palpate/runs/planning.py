@@ -29,7 +29,7 @@ from palpate.runs.workplace import pictures_of
 from palpate.scene.camera import load_image
 from palpate.scene.load import parse_scene
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
-from palpate.scene.poses import Poses, read_poses, seen_by
+from palpate.scene.poses import Poses, add_arm_camera, read_poses
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -72,7 +72,7 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     # Transform the poses from the arm that saw them to the arm that will move.
     base = Pose.of((0.0, 0.0, 0.0)) if scene is None else scene.pose_world_base
     arm = settings.described_arm() if scene is None else scene.arm
-    poses = seen_by(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
+    poses = add_arm_camera(read_poses(settings.poses) if settings.poses else Poses(), arm, base)
     if planner is None:
         builder, model = SceneBuilder(poses, arm), settings.model_settings
         asked = PlannerSettings(
@@ -100,9 +100,9 @@ def plan(settings: Settings, scene: Scene | None, planner: Planner | None = None
     if isinstance(planner, Observant):
         seen, conversation = planner.seen, planner.conversation
     scene = scene or _detected_scene(answer, seen)
-    answer = _with_reading_note(settings, answer, scene)
+    answer = _add_reading_note(settings, answer, scene)
     if measure is not None:
-        answer = _with_left_out(answer, split_known(measure, scene, settings.remeasure)[1])
+        answer = _add_left_out(answer, split_known(measure, scene, settings.remeasure)[1])
     unused = settings.within.unused(answer.parameters) if answer.tree is not None else ""
     answer = replace(answer, notes=(*answer.notes, *blind, *filter(None, [unused])))
 
@@ -250,7 +250,7 @@ def _detected_scene(answer: Plan, seen: DetectedScene | None) -> Scene:
     return parse_scene("<mujoco><worldbody/></mujoco>")
 
 
-def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
+def _add_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
     """Note the requested parameters that a plan of a model or a file omits without a reason."""
     # Parameters with a stated reason are not omissions.
     explained = {parameter for item in answer.unmeasured for parameter in item.parameters}
@@ -261,7 +261,7 @@ def _with_left_out(answer: Plan, wanted: Sequence[Parameter]) -> Plan:
     return replace(answer, unmeasured=(*answer.unmeasured, more))
 
 
-def _with_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
+def _add_reading_note(settings: Settings, answer: Plan, scene: Scene) -> Plan:
     """Add a note if the parameters of a plan differ from those that the symbolic planner reads from the request.
 
     The plan is one of a model or a file. It stays unchanged: its author decides the meaning of the

@@ -188,11 +188,11 @@ def held_out_from(document: Mapping[str, Any] | None) -> HeldOut | None:
 
 def _tests(rows: Sequence[Mapping[str, Any]]) -> tuple[FitTest, ...]:
     """Read tests of fit; null means a statistic that is not a number."""
-    complete = [{**row, "statistic": _or(row["statistic"], math.nan)} for row in rows]
+    complete = [{**row, "statistic": _default(row["statistic"], math.nan)} for row in rows]
     return _adapter(tuple[FitTest, ...]).validate_python(complete)
 
 
-def _or(number: float | None, default: float) -> float:
+def _default(number: float | None, default: float) -> float:
     return default if number is None else number
 
 
@@ -214,7 +214,7 @@ def estimate_from(row: Mapping[str, Any]) -> Estimate:
         parts=_adapter(dict[str, FurtherValue]).validate_python(row["components"]),
         tests=_tests(row.get("tests", ())),
         shared=_adapter(tuple[Shared, ...]).validate_python(row.get("shared", ())),
-        freedom=_or(row.get("freedom"), math.inf),
+        freedom=_default(row.get("freedom"), math.inf),
         unseen=tuple(row["unseen"]) if "unseen" in row else _unseen(row),
         reason=row.get("reason") or "",
         bounds=_bounds(row.get("bounds")),

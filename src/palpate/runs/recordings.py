@@ -277,7 +277,7 @@ def see(
         Unavailable: OpenCV is not installed, or a camera or pose estimator does not answer.
     """
     from palpate.runs.api import load
-    from palpate.runs.workplace import seen_from
+    from palpate.runs.workplace import look_at_source
 
     known = (
         scene
@@ -285,4 +285,4 @@ def see(
         else load(scene, poses, arm, root=root, robot_config=robot_config)
     )
     lens, hidden = (None if file is None else Path(file) for file in (intrinsics, world))
-    return seen_from(known, str(camera), lens, hidden, seed, pose_estimator)
+    return look_at_source(known, str(camera), lens, hidden, seed, pose_estimator)

@@ -27,7 +27,7 @@ def use_seen_poses(settings: Settings, folder: Path) -> Settings:
     return settings if settings.camera is None else replace(settings, poses=folder / POSES)
 
 
-def running(settings: Settings, start: Path | None = None) -> list[str]:
+def run_command(settings: Settings, start: Path | None = None) -> list[str]:
     """Build `palpate run …` of these settings, without default values; paths are relative to `start`, if given."""
     # Scene and request first, then all options with other values than the defaults.
     command = ["palpate", "run"]
@@ -40,7 +40,7 @@ def running(settings: Settings, start: Path | None = None) -> list[str]:
     return command + list(_options(settings, (*SCENE, *MOTION, *PLANNING), start))
 
 
-def executing(settings: Settings, plan: Path, start: Path | None = None) -> list[str]:
+def execute_command(settings: Settings, plan: Path, start: Path | None = None) -> list[str]:
     """Build `palpate execute PLAN …` in the scene of these settings."""
     command = ["palpate", "execute", _path(plan, start)]
     if settings.scene is not None:
@@ -49,12 +49,12 @@ def executing(settings: Settings, plan: Path, start: Path | None = None) -> list
     return command + list(_options(settings, of_plan, start))
 
 
-def reproducing(settings: Settings, start: Path | None = None) -> list[str]:
+def reproduce_command(settings: Settings, start: Path | None = None) -> list[str]:
     """Build the command that repeats a finished run: `palpate demo` for a scenario."""
     # A scenario is repeated by its name, with the options of `demo`.
     name = scenario_of(settings)
     if name is None:
-        return _add_seed(running(settings, start), settings)
+        return _add_seed(run_command(settings, start), settings)
     command = ["palpate", "demo", name]
     if not settings.planner.startswith("replay:"):
         command += ["--planner", settings.planner]

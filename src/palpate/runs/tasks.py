@@ -50,7 +50,7 @@ class Task(ABC, Generic[World]):
         """
         # Find the threshold action, and require that it ends near the goal: the result may jump
         # over it.
-        action = smallest(
+        action = find_smallest_action(
             lambda action: self.outcome(world, action) >= self.goal, *self.action_range(world)
         )
         if action is None or abs(self.outcome(world, action) - self.goal) > NEAR * self.goal:
@@ -153,7 +153,9 @@ class Topple(ThresholdTask[PhysicsTrial], OfObject):
     def plan(self, world: PhysicsTrial) -> float | None:
         """Threshold force of a world, N."""
         with hold_foot(world):
-            return smallest(partial(self._tips, world), 0.1 * world.weight, 5 * world.weight)
+            return find_smallest_action(
+                partial(self._tips, world), 0.1 * world.weight, 5 * world.weight
+            )
 
     def _tips(self, world: PhysicsTrial, force: float) -> bool:
         """True if the force turns the object by 5°. The force grows to its full value in 0.2 s."""
@@ -215,7 +217,9 @@ def slid(world: PhysicsTrial, done: mujoco.MjData, direction: Array) -> float:
     return float(displacement @ direction) if stands else np.inf
 
 
-def smallest(suffices: Callable[[float], bool], first: float, most: float) -> float | None:
+def find_smallest_action(
+    suffices: Callable[[float], bool], first: float, most: float
+) -> float | None:
     """Find the smallest action that suffices, by doubling from `first` and bisection; None if `most` is too small."""
     # Bracket the threshold by doubling.
     low, high = 0.0, first
@@ -326,7 +330,9 @@ class Steady(ThresholdTask[JointTrial], JointTask):
 
     def plan(self, world: JointTrial) -> float | None:
         """Threshold force of a world, N."""
-        return smallest(lambda force: self._passes(world, force), *self.action_range(world))
+        return find_smallest_action(
+            lambda force: self._passes(world, force), *self.action_range(world)
+        )
 
     def _passes(self, world: JointTrial, force: float) -> bool:
         # A constant force, until the handle has passed the distance.

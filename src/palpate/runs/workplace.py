@@ -169,7 +169,7 @@ def look(
     callbacks.progress("looking")
     # A camera on the hand needs the pose of the hand, if the robot is a real one.
     robot, current = settings.robot, scene
-    seen = seen_from(
+    seen = look_at_source(
         scene,
         settings.camera,
         settings.intrinsics,
@@ -184,7 +184,7 @@ def look(
     return replace_objects(scene, seen.entries), seen
 
 
-def seen_from(
+def look_at_source(
     scene: Scene,
     source: str,
     intrinsics: Path | None = None,

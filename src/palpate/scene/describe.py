@@ -169,7 +169,7 @@ def describe(
     # Limits of the elements first, then of the loaded files without the robots and textures.
     require_limits(document, loaded=())
     roles = find_roles(document)
-    kept = without_robots(document, roles).loaded()
+    kept = without_robots(document, roles).loaded_elements()
     require_limits(document, loaded={element for element in kept if element.tag != "texture"})
     # Slots are the places where a quantity may be written `?`.
     slots: list[Slot] = []

@@ -174,7 +174,7 @@ def _lines(
         if f"{name}_balance" in poses or np.linalg.norm(half) < geometry.arm.hand.pad:
             continue
         centre = np.array(body.known.get("com", body.centre))
-        lines[f"{name}_balance"] = PoseLine.around(pose, half, body.pose_world.apply(centre))
+        lines[f"{name}_balance"] = PoseLine.spanning(pose, half, body.pose_world.apply(centre))
     return lines
 
 

@@ -158,7 +158,7 @@ def read_poses(path: Path) -> Poses:
     return parse_poses(read_text(path, MAX_BYTES, "poses"), str(path))
 
 
-def seen_by(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
+def add_arm_camera(poses: Poses, arm: RobotDescription, pose_world_base: Pose) -> Poses:
     """The poses, with the camera of the arm's robot.yaml if they have none."""
     # A camera on the hand moves, so its pose is not one of the scene.
     camera = arm.config.camera if arm.config is not None else None

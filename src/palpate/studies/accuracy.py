@@ -60,7 +60,7 @@ class ScoredEstimate:
         return self.verdict == "identified" or self.at_bound
 
     @property
-    def covered(self) -> bool:
+    def is_covered(self) -> bool:
         """True if the 95 % interval contains the truth."""
         return self.low <= self.truth <= self.high
 
@@ -150,7 +150,7 @@ class Prepared:
 
 
 @lru_cache(1)
-def _prepared(question: Question) -> Prepared | None:
+def _prepare(question: Question) -> Prepared | None:
     """Prepare all seeds of a question at once; None where a seed may change the plan (a picture) or the cell."""
     settings = question.settings
     varies = settings.scene is None or settings.images or settings.robot_config is not None
@@ -165,7 +165,7 @@ def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list
 def run_case(case: StudyCase) -> SeedRun:
     """Run a case with randomly displaced objects. An exception becomes a crashed run."""
     try:
-        shared = _prepared(case.question)
+        shared = _prepare(case.question)
         return run_seed(case.question.settings, case.seed, displaced=True, shared=shared)
     except Exception:  # one failed seed must not end a campaign of hours
         return crashed_run(case.seed, traceback.format_exc(limit=-8))

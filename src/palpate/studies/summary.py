@@ -172,7 +172,7 @@ class Scores:
         z = errors_in_std(estimates)
         return cls(
             len(estimates),
-            Ranged.share(each.covered for each in estimates),
+            Ranged.share(each.is_covered for each in estimates),
             Ranged.share(bool(level <= 0.5) for level in levels(estimates)),
             Ranged.rms(z).inverse,
             float(np.abs(z).max()),
@@ -247,7 +247,7 @@ def component_summary(
         bias=fmean(errors),
         sd=sample_std(errors),
         claimed=fmean(each.std for each in identified),
-        covered=sum(each.covered for each in identified),
+        covered=sum(each.is_covered for each in identified),
         single_shot_sd=sample_std(naive) if naive else None,
         rmse=float(np.sqrt(np.mean(np.square(errors)))),
         scores=Scores.of(identified),

@@ -27,7 +27,7 @@ from palpate.mjcf.reading import reparse
 from palpate.scene.describe import Description, describe
 from palpate.scene.poses import Poses
 from palpate.twin.export_check import SHOWN_BY, Finding, add_probes, check_export, require_readers
-from palpate.twin.export_facts import SCENE, file_meshes, ready, state_inertia
+from palpate.twin.export_facts import SCENE, file_meshes, prepare, state_inertia
 from palpate.twin.export_readers import bodies_of, read_spec
 from palpate.twin.export_urdf import write_urdf
 from palpate.twin.export_usd import iter_left_out, require_usd, write_usd
@@ -313,7 +313,7 @@ def without_frames(xml: str) -> str:
 
 
 def _urdf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list[str]]:
-    spec, notes = ready(scene)
+    spec, notes = prepare(scene)
     model = spec.compile()
     file = folder / "scene.urdf"
     written = write_urdf(model, file)
@@ -326,7 +326,7 @@ def _urdf(scene: Path, folder: Path, _: Mapping[str, float]) -> tuple[Path, list
 
 
 def _usd(scene: Path, folder: Path, static: Mapping[str, float]) -> tuple[Path, list[str]]:
-    spec, notes = ready(scene)
+    spec, notes = prepare(scene)
     spec.modelname = scene.stem
     model = spec.compile()
     file = write_usd(spec, scene.with_name("ready.xml"), folder, static)

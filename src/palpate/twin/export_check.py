@@ -23,7 +23,7 @@ import numpy as np
 from palpate.common.errors import Unavailable
 from palpate.common.pose import Array
 from palpate.twin.export_facts import is_free
-from palpate.twin.export_readers import run_job, short
+from palpate.twin.export_readers import run_job, shorten
 
 SECONDS = 1.0
 """s: duration of each experiment."""
@@ -173,14 +173,14 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
     rate: dict[str, float] = {}
     for body in range(1, model.nbody):
         if is_free(model, body):
-            name = short(model.body(body).name)
+            name = shorten(model.body(body).name)
             # A ball would roll, by each simulator's own law.
             if not name.startswith(PROBE):
                 velocity[name] = [SLIDING, 0.0, 0.0]
             # The heaviest of the bodies that are rigidly connected bears the force.
             parts = np.flatnonzero(model.body_weldid == body)
             heaviest = int(parts[np.argmax(model.body_mass[parts])])
-            pressed = short(model.body(heaviest).name)
+            pressed = shorten(model.body(heaviest).name)
             force[pressed] = (PRESSING * model.body_subtreemass[body] * gravity).tolist()
     for joint in range(model.njnt):
         speed = SWINGING.get(mujoco.mjtJoint(model.jnt_type[joint]))
@@ -188,7 +188,7 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
             # Away from the nearer limit.
             low, high = model.jnt_range[joint] - model.qpos0[model.jnt_qposadr[joint]]
             is_backward = bool(model.jnt_limited[joint]) and high < -low
-            rate[short(model.joint(joint).name)] = -speed if is_backward else speed
+            rate[shorten(model.joint(joint).name)] = -speed if is_backward else speed
     experiments: dict[str, dict[str, dict[str, Any]]] = {"rest": {}}
     if velocity:
         experiments["slide"] = {"velocity": velocity}
@@ -223,12 +223,14 @@ def compare(
         yield Finding(reader, "file", "lost", other["error"])
         return
     name = f"{reader} {other['version']}"
-    expected, read = measured(model, twin), measured(model, other)
+    expected, read = collect_quantities(model, twin), collect_quantities(model, other)
     for quantity, values in expected.items():
         yield judge(name, quantity, values, read.get(quantity, {}))
 
 
-def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
+def collect_quantities(
+    model: mujoco.MjModel, result: Mapping[str, Any]
+) -> dict[str, dict[str, Any]]:
     """Values by quantity and by body or joint. Only moving bodies and undriven joints count.
 
     Bodies that are rigidly connected count as one, since some readers merge them.
@@ -237,16 +239,16 @@ def measured(model: mujoco.MjModel, result: Mapping[str, Any]) -> dict[str, dict
     bodies = result["bodies"]
     parts: dict[str, list[str]] = {}
     for body in np.flatnonzero(model.body_weldid > 0).tolist():
-        name = short(model.body(body).name)
+        name = shorten(model.body(body).name)
         if name and name in bodies:
             whole = model.body(int(model.body_weldid[body])).name
-            parts.setdefault(short(whole), []).append(name)
+            parts.setdefault(shorten(whole), []).append(name)
     wholes = {name: merge([bodies[part] for part in of]) for name, of in parts.items()}
     for quantity in ("mass", "com", "inertia"):
         values[quantity] = {
             n: whole[quantity] for n, whole in wholes.items() if whole["mass"] > 0.0
         }
-    free = [short(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)]
+    free = [shorten(model.body(b).name) for b in range(1, model.nbody) if is_free(model, b)]
 
     def centres_after(experiment: str) -> dict[str, Any]:
         com = runs[experiment]["com"]

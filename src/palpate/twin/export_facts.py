@@ -66,7 +66,7 @@ READ = ".obj"
 """Format of meshes that all simulators read; Drake reads no other that MuJoCo reads."""
 
 
-def ready(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
+def prepare(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
     """Prepare the scene in a file for another format.
 
     Every body, geom and joint gets a name, every body its mass as a number. Ellipsoids and height

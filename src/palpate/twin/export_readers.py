@@ -32,7 +32,7 @@ def load(module: str) -> Any:
     return importlib.import_module(module)
 
 
-def short(label: str) -> str:
+def shorten(label: str) -> str:
     """Name of a body or joint without the path of its file or stage."""
     return label.rsplit("/", 1)[-1]
 
@@ -90,7 +90,7 @@ def bodies_of(mujoco: Any, model: Any) -> Bodies:
     for body in range(1, model.nbody):
         inertia = np.diag(model.body_inertia[body])
         axes = data.ximat[body].reshape(3, 3)
-        name = short(model.body(body).name)
+        name = shorten(model.body(body).name)
         bodies[name] = facts(model.body_mass[body], data.xipos[body], axes, inertia)
     return bodies
 
@@ -157,10 +157,10 @@ class MuJoCo(Reader):
             spec.option.gravity, spec.option.timestep = job["gravity"], job["step"]
         self.model = model = spec.compile()
         self.data, self.step = self.mj.MjData(model), model.opt.timestep
-        self.names = {short(model.body(body).name): body for body in range(1, model.nbody)}
+        self.names = {shorten(model.body(body).name): body for body in range(1, model.nbody)}
         slide = int(self.mj.mjtJoint.mjJNT_SLIDE)
         moving = [j for j in range(model.njnt) if model.jnt_type[j] >= slide]
-        self.joints = {short(model.joint(j).name): j for j in moving}
+        self.joints = {shorten(model.joint(j).name): j for j in moving}
 
     def bodies(self) -> Bodies:
         return bodies_of(self.mj, self.model)
@@ -243,12 +243,12 @@ class Newton(Reader):
             builder.add_mjcf(file)
         self.model = model = builder.finalize(device="cpu")
         model.set_gravity(tuple(job["gravity"]))
-        self.labels = [short(label) for label in model.body_label]
+        self.labels = [shorten(label) for label in model.body_label]
         self.at, self.rates = model.joint_qd_start.numpy(), model.joint_qd.numpy().copy()
         kinds, children = self.newton.JointType, model.joint_child.numpy()
         types = model.joint_type.numpy()
         single = (int(kinds.REVOLUTE), int(kinds.PRISMATIC))
-        named = enumerate(map(short, model.joint_label))
+        named = enumerate(map(shorten, model.joint_label))
         self.joints = {name: j for j, name in named if types[j] in single}
         free = np.flatnonzero(types == int(kinds.FREE))
         self.free: dict[str, int] = {self.labels[children[j]]: int(j) for j in free}

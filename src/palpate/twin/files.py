@@ -33,10 +33,10 @@ def one_text(document: Document, texts: Texts) -> str:
     """Return the main text of a twin; a changed include puts the contents of all in place of the includes."""
     if texts.parts.keys().isdisjoint(document.includes.values()):
         return texts.main
-    return inlined(document, texts)
+    return inline_parts(document, texts)
 
 
-def inlined(document: Document, texts: Texts) -> str:
+def inline_parts(document: Document, texts: Texts) -> str:
     """Return the main text with the contents of all included files."""
     parts = {**document.texts, **texts.parts}
     return inline_includes(texts.main, document.includes, document.asset_paths, parts)
@@ -75,7 +75,7 @@ class _Packing:
         """Add the text of a model, and copy its files."""
         flat = document
         if document.includes:
-            flat = reparse(Texts(inlined(document, Texts(document.text))), document)
+            flat = reparse(Texts(inline_parts(document, Texts(document.text))), document)
         tags = scan(flat.text)
         data = flat.text.encode("utf-8")
         # Change the names of files to those in the folder.

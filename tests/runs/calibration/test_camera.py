@@ -19,7 +19,7 @@ from palpate.robots.robot_config import RobotConfig, read_config
 from palpate.runs.calibration import camera
 from palpate.runs.calibration.calibrate import calibrate
 from palpate.runs.settings import References, settings_of
-from palpate.runs.workplace import seen_from
+from palpate.runs.workplace import look_at_source
 from palpate.scene.load import parse_scene
 
 pytest.importorskip("cv2")
@@ -135,8 +135,8 @@ def test_a_camera_on_the_hand_sees_a_tag_from_where_it_faces_it() -> None:
         hands, jacobians, np.zeros((6, 35)), 0.03, 0.0, lens, mount, True, 1e-4
     )
     below = Pose.of((*hands[0].apply(HELD.position)[:2], 0.0))
-    assert camera.in_view(views, below) == [0]
-    assert not camera.in_view(views, below @ Pose.of((0, 0, 0), (0, 1, 0, 0)))  # its back
+    assert camera.select_views(views, below) == [0]
+    assert not camera.select_views(views, below @ Pose.of((0, 0, 0), (0, 1, 0, 0)))  # its back
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
@@ -146,7 +146,7 @@ def test_the_embedded_arm_sees_by_the_camera_on_its_hand() -> None:
       <body name="box" pos="{}"><freejoint/><geom type="box" size=".025 .025 .03" mass=".1"/>
         <site name="tag_7" pos="0 0 .0305" size=".018"/></body></worldbody></mujoco>"""
     scene, world = (parse_scene(text.format(at)) for at in (".45 .04 .03", ".462 .028 .03"))
-    seen = seen_from(scene, "world:hand", world=world, noise="none")
+    seen = look_at_source(scene, "world:hand", world=world, noise="none")
     off = seen.poses["box"].position - [0.462, 0.028, 0.03]
     assert np.abs(off / np.sqrt(np.diag(seen.covariances["box"])[:3])).max() < 3.0
     assert seen.std("box")[0] < 0.004

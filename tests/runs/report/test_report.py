@@ -30,7 +30,7 @@ from palpate.runs.report.cards import parameter_groups
 from palpate.runs.report.changes import change
 from palpate.runs.report.data import Pictures, ReportData
 from palpate.runs.report.page import write_report
-from palpate.runs.report.sections import NARROWEST, aftermath, branches, first_failure
+from palpate.runs.report.sections import NARROWEST, branches, first_failure, list_stop_actions
 from palpate.runs.run import Ending, Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
@@ -319,8 +319,8 @@ def test_a_disagreement_is_shown_with_the_value(data: ReportData, tmp_path: Path
 
 def test_poses_are_shown_by_sight_by_touch_and_by_both(data: ReportData, tmp_path: Path) -> None:
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), 1e-5 * np.eye(6))
-    felt = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
-    off = seen.touched("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
+    felt = seen.update("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.002)
+    off = seen.update("probe", np.array([1.0, 0.0, 0.0]), np.array([0.47, 0.1, 0.4]), 0.02)
     beliefs = {"<cup>": seen, "box": felt, "tin": off}
     pictured = replace(grown(data, beliefs=beliefs), pictures=Pictures(seen=SQUARE))
     page = page_of(pictured, tmp_path)
@@ -520,7 +520,7 @@ def test_actions_of_a_controlled_stop_are_listed_apart_from_the_plan(
     stop = LeafRun("stop", "OpenGripper", "OpenGripper()", 8.0, 8.0, "SUCCESS", "open to 80 mm")
     planned = leaf_of("tree.children[0]", "SUCCESS")
     trace = replace(data.run.trace, leaves=(planned, stop))
-    (done,) = aftermath(data.run.plan, trace)
+    (done,) = list_stop_actions(data.run.plan, trace)
     assert done.label == "OpenGripper()"
     assert (done.left, done.width) == (100.0, NARROWEST)
-    assert not aftermath(data.run.plan, None)
+    assert not list_stop_actions(data.run.plan, None)

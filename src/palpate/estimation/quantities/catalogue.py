@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cache
 
-from palpate.common.extensions import Registry, offered
+from palpate.common.extensions import Registry, iter_entry_points
 from palpate.common.parameter import Parameter
 from palpate.estimation.quantities.com import CentreOfMass, CentreOfMassInSpace
 from palpate.estimation.quantities.fixture_dynamics import Damping, DryFriction, SpringStiffness
@@ -89,7 +89,7 @@ def catalogue() -> Catalogue:
         InputError: The module of an entry point cannot be loaded; the message names it.
     """
     # Abstract bases have no id, and are skipped.
-    types = (part for part in offered(GROUP) if isinstance(part, type))
+    types = (part for part in iter_entry_points(GROUP) if isinstance(part, type))
     others = (cls for cls in types if issubclass(cls, Quantity) and "id" in dir(cls))
     return Catalogue(cls() for cls in (*OWN, *others))
 

@@ -232,7 +232,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         if "tree" not in fields and listed and not is_flat(listed):
             fields["tree"] = fields.pop("nodes")
         else:
-            fields["nodes"] = numbered([normalized_flat_node(node) for node in listed])
+            fields["nodes"] = assign_ids([normalized_flat_node(node) for node in listed])
     if "tree" in fields:
         fields["tree"] = normalized_tree(from_text(fields["tree"]))
     return fields
@@ -382,7 +382,7 @@ def _node(name: str, given: Sequence[tuple[str, object]], value: object) -> obje
     return {"type": type, **named}
 
 
-def numbered(nodes: Sequence[object]) -> list[object]:
+def assign_ids(nodes: Sequence[object]) -> list[object]:
     """Return flat nodes with whole numbers as ids; a `parent` replaces missing `children`."""
     known = [cast("dict[str, Any]", node) for node in nodes if isinstance(node, dict)]
     ids = [node.get("id") for node in known]

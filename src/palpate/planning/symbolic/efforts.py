@@ -232,7 +232,7 @@ def after_cycle(
     if state.at != above or not is_clear(state):
         return None
     for step in steps:
-        after = step.applied(state)
+        after = step.apply(state)
         if after is None or step.harm(state) is not None:
             return None
         state = after
@@ -298,7 +298,7 @@ def adds_evidence(parameter: Parameter, steps: Iterable[Step], state: SymbolicSt
             context = during(step.moving, state).context()
             if not any(quantity.piece(parameter, buffer, context) for buffer in written):
                 return False
-        after = step.applied(state)
+        after = step.apply(state)
         if after is None:
             return False
         state = after

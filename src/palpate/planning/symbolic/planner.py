@@ -89,7 +89,7 @@ class SymbolicPlanner:
         for parameter in wanted:
             quantity = catalogue()[parameter.quantity]
             if not quantity.identifiable:
-                cannot.append(_unmeasured([parameter], quantity.how))
+                cannot.append(_explain_unmeasured([parameter], quantity.how))
         # Assemble a tree for the identifiable parameters and those they depend on.
         parameters = with_needs(scene, wanted)
         assembled = assemble(scene, parameters, efforts=efforts(scene, parameters, self.within))
@@ -237,7 +237,7 @@ def _assemble_tree(
         measured += done
         for reason in dict.fromkeys(reasons.values()):
             alike = [parameter for parameter in reasons if reasons[parameter] == reason]
-            failed.append(_unmeasured(alike, reason))
+            failed.append(_explain_unmeasured(alike, reason))
     chainer.go_home()
     tree = chainer.tree() if measured else None
     return Assembled(tree, tuple(measured), tuple(failed), tuple(chainer.omitted))
@@ -279,7 +279,7 @@ def _measure(
     return done, {**others, **reasons}
 
 
-def _unmeasured(parameters: Sequence[Parameter], reason: str) -> UnmeasuredParameters:
+def _explain_unmeasured(parameters: Sequence[Parameter], reason: str) -> UnmeasuredParameters:
     """Parameters of one body with a sentence that states why they cannot be measured."""
     why = reason.removesuffix(".")
     return UnmeasuredParameters(

@@ -208,7 +208,7 @@ class Backchainer:
             transferred = tuple(primitive.transferred(other, name) for primitive in step.primitives)
             again = Step(transferred, step.touches)
             # The exact check is needed too, because this object has other neighbours.
-            after = again.applied(state)
+            after = again.apply(state)
             if after is None or again.harm(state) is not None:
                 return False
             state = after

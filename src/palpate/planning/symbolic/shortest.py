@@ -71,7 +71,7 @@ def shortest(
             return [*steps, *rest], after
         # Expand the state by every operator that applies and is not refused.
         for operator in operators:
-            after = Step((operator,)).applied(state)
+            after = Step((operator,)).apply(state)
             if after is None or (state_key(state), operator.label) in refused:
                 continue
             key = state_key(after)
@@ -121,7 +121,7 @@ def obstacle(state: SymbolicState, operators: Sequence[Primitive]) -> str:
             for violation in operator.requires(current) if "gripper" in operator.claims else ():
                 if violation.rule not in (PRECONDITION, "gripper-state", "unknown-start"):
                     return reason(violation)
-            after = Step((operator,)).applied(current)
+            after = Step((operator,)).apply(current)
             if after is not None and state_key(after) not in seen:
                 seen.add(state_key(after))
                 queue.append(after)

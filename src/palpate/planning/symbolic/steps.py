@@ -72,7 +72,7 @@ class Step:
         meanwhile = during(moving, state) if sensing else state
         return parallel(state, meanwhile, moving, branches, lambda leaf, before: before.after(leaf))
 
-    def applied(self, state: SymbolicState) -> SymbolicState | None:
+    def apply(self, state: SymbolicState) -> SymbolicState | None:
         """Return the state after the step; None if a precondition fails or the step is not preferred."""
         moving, sensing = self.moving, self.sensing
         try:

@@ -124,7 +124,7 @@ def locate(
     base = session.arm.stands(scene.pose_world_base)
     on_hand = eye.mount.on_hand
     mount = eye.mount if on_hand else eye.mount.within(base.inverse())
-    tag_pose = base.inverse() @ _standing(scene, number) if on_hand else STICKER
+    tag_pose = base.inverse() @ _tag_pose(scene, number) if on_hand else STICKER
 
     # Draw candidate poses and choose those that determine the camera best.
     half, std = tag.size.value / 2, tag.size.std / tag.size.value
@@ -134,7 +134,7 @@ def locate(
     frame = frame_of(hands[:KEPT], jacobians[:KEPT])
     drawn = CalibrationViews(hands, jacobians, frame, half, std, eye.lens, mount, on_hand, scatter)
     session.callbacks.progress("choosing poses in view of the camera")
-    chosen = _chosen(session, scene, q, drawn, tag_pose)
+    chosen = _choose(session, scene, q, drawn, tag_pose)
     # Visit the poses and take a picture at each rest.
     shots = Shots(eye.shoot, eye.lens, number)
     what = "looking at tag {} from {}" if on_hand else "showing tag {} to the camera in {}"
@@ -167,7 +167,7 @@ def _place(on_hand: bool) -> str:
     return "on the hand's broad side that looks away from the base at home"
 
 
-def _standing(scene: Scene, number: int) -> Pose:
+def _tag_pose(scene: Scene, number: int) -> Pose:
     """Believed pose of a fixed tag in the world."""
     stated = tags_of(scene).get(number)
     return scene.pose_world_base @ LYING if stated is None else stated.pose_world
@@ -236,7 +236,7 @@ def _eye(
     return Eye(source, lens, mount, shoot)
 
 
-def _chosen(
+def _choose(
     session: CalibrationSession, scene: Scene, q: Array, drawn: CalibrationViews, tag: Pose
 ) -> list[Array]:
     """Choose reachable configurations of `q` (n, 7) that determine the camera's pose best, in a short order.
@@ -244,7 +244,7 @@ def _chosen(
     `drawn` has their views of the tag, which is believed to be at the pose `tag`.
     Raises InputError: too few configurations remain.
     """
-    left = in_view(drawn, tag)
+    left = select_views(drawn, tag)
     for _ in range(TRIES):
         if len(left) < FEWEST:
             break
@@ -275,7 +275,7 @@ def configurations(arm: RobotDescription) -> Array:
     return q[places[:, 2] > CLEAR]
 
 
-def in_view(views: CalibrationViews, tag: Pose) -> list[int]:
+def select_views(views: CalibrationViews, tag: Pose) -> list[int]:
     """Select views in which the camera should see a tag at the believed pose `tag`, at most `KEPT`.
     Return their indices."""
     lens, local = views.lens, views.local(views.camera, tag)

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from palpate.perception.renderer import gl_available
 from palpate.runs.export import read_proof
-from palpate.runs.reproduce import reproducing, use_seen_poses
+from palpate.runs.reproduce import reproduce_command, use_seen_poses
 
 if TYPE_CHECKING:
     from palpate.perception.film import Film
@@ -50,7 +50,7 @@ def report_data(run: Run, pictures: Pictures, scratch: Path, place: Path) -> Rep
     # The command is relative to the folder.
     command, folder = "", place.absolute()
     if not run.is_recorded:
-        command = shlex.join(reproducing(use_seen_poses(run.settings, folder), folder))
+        command = shlex.join(reproduce_command(use_seen_poses(run.settings, folder), folder))
     proof, warnings = read_proof(scratch), tuple(run_warnings(run))
     return ReportData(run, pictures, proof, tuple(names), command, warnings)
 

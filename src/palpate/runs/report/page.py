@@ -204,7 +204,7 @@ def render_report(data: ReportData) -> str:
         tree=tree,
         failure=failure,
         steps=tuple(next_steps(run, failure)),
-        aftermath=sections.aftermath(run.plan, trace),
+        aftermath=sections.list_stop_actions(run.plan, trace),
         predictions=sections.predictions(run.held_out),
         tasks=sections.lines(data.proof),
         indifferent=tuple(sections.iter_insensitive_tasks(data.proof)),

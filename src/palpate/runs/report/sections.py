@@ -264,7 +264,7 @@ def branches(plan: Plan, trace: Trace | None) -> Branch | None:
     return branch_of(plan.tree, "tree", runs, last_end(trace))
 
 
-def aftermath(plan: Plan, trace: Trace | None) -> list[Branch]:
+def list_stop_actions(plan: Plan, trace: Trace | None) -> list[Branch]:
     """List the actions of a controlled stop, which are outside of the plan."""
     if trace is None:
         return []

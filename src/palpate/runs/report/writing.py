@@ -136,17 +136,17 @@ def write_all(
     # Each part runs in its own block: a failure is noted, and the next part begins.
     missing: list[str] = []
     pictures = Pictures()
-    with collecting_shortfalls("the pictures were not read again", missing):
+    with collect_shortfalls("the pictures were not read again", missing):
         pictures = pictures_in(folder, run)
-    with collecting_shortfalls("the pictures were not made", missing):
+    with collect_shortfalls("the pictures were not made", missing):
         pictures = (darkroom.stills if darkroom else take_stills)(run, pictures)
-    with collecting_shortfalls("the film was not made", missing):
+    with collect_shortfalls("the film was not made", missing):
         film = darkroom.film.result() if darkroom else take_film(run)
         pictures = pictures if film is None else replace(pictures, film=film)
-    with collecting_shortfalls("the pictures were not written", missing):
+    with collect_shortfalls("the pictures were not written", missing):
         write_images(pictures, folder)
     with (
-        collecting_shortfalls("report.html was not written", missing),
+        collect_shortfalls("report.html was not written", missing),
         replacing(folder / "report.html") as part,
     ):
         write_report(part, report_data(run, pictures, folder, place or folder))
@@ -154,7 +154,7 @@ def write_all(
 
 
 @contextmanager
-def collecting_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
+def collect_shortfalls(failure: str, shortfalls: list[str]) -> Generator[None]:
     """Convert an exception of the block to a line of `shortfalls`."""
     try:
         yield

@@ -10,7 +10,7 @@ import numpy as np
 from pydantic import ValidationError
 
 from palpate.common.errors import InputError, unknown_name
-from palpate.common.extensions import Registry, offered
+from palpate.common.extensions import Registry, iter_entry_points
 from palpate.common.files import describe_error, plain_yaml, read_text
 from palpate.robots.description import RobotDescription
 from palpate.robots.noise_levels import LEVELS
@@ -171,5 +171,5 @@ def noise_models() -> NoiseModels:
 
     Palpate's own names cannot be replaced.
     """
-    models = (part for part in offered(GROUP) if isinstance(part, NoiseModel))
+    models = (part for part in iter_entry_points(GROUP) if isinstance(part, NoiseModel))
     return NoiseModels([(model.name, model) for model in models if model.name not in LEVELS])
