@@ -87,7 +87,7 @@ def noise(
     ] = None,
     as_json: AsJson = False,
 ) -> None:
-    """Measure the noise of an arm in a recording, beside the noise models."""
+    """Measure the noise of an arm in a recording, and compare it with the noise models."""
     import palpate as pp
     from palpate.cli.show_arms import show_noise
 

@@ -22,7 +22,7 @@ def estimate(
         Path | None,
         typer.Argument(
             metavar="RUN|LOG",
-            help="A run folder, or anybody's recording of an arm, or of a force/torque sensor with "
+            help="A run folder, or a recording of any arm, or of a force/torque sensor with "
             "its pose: CSV, NPZ, MCAP, rosbag2, Parquet.",
             show_default=False,
         ),
@@ -75,9 +75,9 @@ def estimate(
     given: Annotated[Given, settings("scene", "arm", "robot_config", "remeasure")],
     as_json: AsJson = False,
 ) -> None:
-    """Estimate again from a stored trace, or from anybody's recording of an arm what it carried.
+    """Estimate again from a stored trace, or estimate the load in a recording of any arm.
 
-    A run folder is not changed. What a recording needs is told by --how.
+    A run folder is not changed. --how explains what a recording needs.
     """
     import palpate as pp
     from palpate.cli.show_run import live_view, show_run

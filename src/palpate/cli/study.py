@@ -157,7 +157,7 @@ def accuracy(
 
     Each draws another arm, and objects that stand off by the accuracy of their poses (0.5 mm).
 
-    With --out every run is kept as soon as it is done, and what is there is not run again.
+    With --out every run is kept as soon as it is done, and is not repeated.
     """
     from palpate.cli.show_studies import show_seed_runs
     from palpate.studies.accuracy import Question
@@ -207,7 +207,7 @@ def ablation(
 ) -> None:
     """The paper's table II: ablation of the parts of the prompt.
 
-    A page beside the results shows the paper's tables and these.
+    A page next to the results compares them with the paper's tables.
     """
     from palpate.studies import ablation as studies
 
@@ -225,7 +225,7 @@ def repeatability(
 ) -> None:
     """The paper's table III: repeated trials of the same task.
 
-    A page beside the results shows the paper's tables and these.
+    A page next to the results compares them with the paper's tables.
     """
     from palpate.studies import ablation as studies
 

@@ -36,8 +36,10 @@ class Registry(dict[str, T]):
         return f"<{type(self).__name__}: {', '.join(self)}>"
 
     def named(self, name: str, hint: str = "", intended: str | None = None) -> T:
-        """Return the part of that name; `hint` and `intended` as in `unknown_name`. Raises
-        InputError: unknown; the message lists the valid names."""
+        """Return the part of that name; `hint` and `intended` as in `unknown_name`.
+
+        Raises InputError: unknown; the message lists the valid names.
+        """
         if name not in self:
             raise unknown_name(self.kind, name, self, hint, intended)
         return self[name]

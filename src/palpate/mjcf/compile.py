@@ -219,7 +219,7 @@ def _leave_site(root: Element, original: Element, robot: Element, document: Docu
 
 def _attached_place(attach: Element, document: Document) -> dict[str, str]:
     """Compute the pose of the first body of an attached robot relative to its `<attach>`."""
-    # It is compiled with the settings of its own model, which may use another angle unit.
+    # Compile it with the settings of the attached model, which may use another angle unit.
     # The first body of the attached content is the robot's base.
     part = find_attached(attach, document, ())
     body = None if part is None else next(part.content.iter("body"), None)

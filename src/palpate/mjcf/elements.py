@@ -111,7 +111,7 @@ class Elements:
     element: Element  # its body; for a surface in the worldbody, its geom
     # All geoms of its body and of bodies fixed to it; for a surface, those that may carry.
     geoms: tuple[Element, ...]
-    colliding: tuple[Element, ...]  # those of them that can collide, else all
+    colliding: tuple[Element, ...]  # the geoms that can collide, else all
     inertial: Element | None  # its `<inertial>`, if any
     defaults: Defaults  # defaults classes of its elements
     parts: tuple[Element, ...] = ()  # an object's other bodies, which move with it
@@ -137,7 +137,7 @@ def inertial_of(body: Element) -> Element | None:
 
 
 def has_open_height(geom: Element, defaults: Defaults) -> bool:
-    """Test if its z or its half height is `?`."""
+    """Test if the z or the half height of a geom is `?`."""
     index = half_height_index(geom, defaults)
     open_size = index is not None and has_unknown(geom, "size", index)
     return open_size or has_unknown(geom, "pos", 2)
@@ -149,7 +149,7 @@ def half_height_index(geom: Element, defaults: Defaults) -> int | None:
 
 
 def colliding(geoms: tuple[Element, ...], defaults: Defaults) -> tuple[Element, ...]:
-    """Return the geoms that can collide (`contype` or `conaffinity` not 0); all where none can."""
+    """Return the geoms that can collide (`contype` or `conaffinity` not 0); all geoms if none can."""
     # An absent mask has MuJoCo's default, 1.
     touching: list[Element] = []
     for geom in geoms:
@@ -168,7 +168,7 @@ def meets_hand(geom: Element, defaults: Defaults) -> bool:
 def carrying(
     element: Element, geoms: tuple[Element, ...], defaults: Defaults
 ) -> tuple[Element, ...]:
-    """Return the geoms that may be a surface's top: the one whose own height is open, else all."""
+    """Return the geoms that may be the top of a surface: a geom of open height, else all."""
     marked = tuple(geom for geom in geoms if has_open_height(geom, defaults))
     if len(marked) > 1:
         raise InputError(

@@ -197,8 +197,8 @@ def write_inertia(
 ) -> Iterator[Change]:
     """Yield the changes that state all of `stated` together.
 
-    `known` are values that they depend on and that are not written.
-    Raises InputError: a mass that is not positive, or an `<inertial>` that cannot be written.
+    `known` are values that they depend on and that are not written. Raises InputError: a mass that is
+    not positive, or an `<inertial>` that cannot be written.
     """
     # A mass alone needs no `<inertial>`.
     measured = _Together(stated)

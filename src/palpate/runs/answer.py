@@ -120,7 +120,7 @@ def _comparison(run: Run) -> _Comparison | None:
     def first(*names: str) -> int | None:
         return next((at for at, spot in enumerate(spots) if spot.has(*names)), None)
 
-    # An amount is a bound if a word of comparison stands before it.
+    # An amount after a comparative is a bound.
     amounts = [at for at, spot in enumerate(spots) if spot.has("AMOUNT")]
     limits = [
         at

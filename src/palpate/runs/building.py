@@ -218,7 +218,7 @@ def build_twin(run: Run, callbacks: RunCallbacks = SILENT) -> Run:
 
 
 def estimates_to_write(run: Run, estimates: Sequence[Estimate]) -> list[Estimate]:
-    """Leave out what the scene states. A recording shows it, though nobody asked to measure it again."""
+    """Leave out values that the scene states, unless the user asked to measure them again."""
     estimate_of = {e.parameter: e for e in estimates}
     is_asked = not run.is_recorded or run.settings.remeasure
     return [estimate_of[e] for e in split_known(estimate_of, run.scene, is_asked)[1]]

@@ -265,7 +265,7 @@ class Ahead:
     """
 
     def __init__(self, run: Run, beside: Fork[Given] | None) -> None:
-        """Begin without estimates of the run; `beside` is a copy that already runs."""
+        """Start without estimates; `beside` is a fork that already runs."""
         self._made, self._beside = run, beside
         # Only objects are estimated ahead, each once.
         of_objects = (p.object for p in run.plan.parameters)
@@ -322,6 +322,6 @@ def estimate_ahead(
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 
-    `beside` is a copy that already runs.
+    `beside` is a fork that already runs.
     """
     return closing(Ahead(run, beside)) if cell.simulated else nullcontext()

@@ -194,7 +194,7 @@ def _inertia_in_words(inertia: Estimate | None) -> str:
 
 
 def _frame(run: Run, name: str) -> tuple[Pose, Literal["flange", "sensor"]]:
-    """Pose of the object's frame in the flange, or in the sensor that measured it."""
+    """Pose of the object's frame in the frame of the flange, or of the sensor that weighed it."""
     trace = run.trace
     carried = [recording for recording in trace.recordings if recording.context.holding == name]
     in_tool = _pose_in_tool(run, name, carried[0]) if carried else Pose.of((0.0, 0.0, 0.0))
@@ -204,7 +204,7 @@ def _frame(run: Run, name: str) -> tuple[Pose, Literal["flange", "sensor"]]:
 
 
 def _pose_in_tool(run: Run, name: str, recording: Recording) -> Pose:
-    """Pose of the object's frame in the tool: as stated for a recording, else as it was grasped."""
+    """Pose of the object's frame in the tool: stated for a recording, else from the grasp."""
     if run.is_recorded:
         stated = [float(word) for word in (recording.context.grasp or "").split()]
         return Pose.of(stated[:3], stated[3:]) if stated else Pose.of((0.0, 0.0, 0.0))

@@ -184,7 +184,7 @@ def differences(first: Run, other: Run) -> Iterator[str]:
 def _other_world(first: Run, other: Run) -> Iterator[str]:
     """Describe the difference of two simulated worlds: another file, or another draw from the priors."""
     worlds = [run.settings.world and run.settings.world.absolute() for run in (first, other)]
-    # Two draws are one world only with the same seed.
+    # Drawn worlds are equal only for equal seeds.
     drawn = [run.world is not None and "drawn from priors" in run.world for run in (first, other)]
     if worlds[0] != worlds[1] or drawn[0] != drawn[1]:
         yield f"their worlds differ ({first.world}, {other.world})"

@@ -46,7 +46,7 @@ def estimate_recording(
     columns: Path | None = None,
     callbacks: RunCallbacks = SILENT,
 ) -> Run:
-    """Estimate the load of a recording; with a scene, of which it is an object, build its twin.
+    """Estimate the load of a recording. If a scene has the load as an object, build the twin.
 
     Only scene, poses, root, arm, robot.yaml and `remeasure` of the settings are used. `empty` is a recording of
     the empty hand, and `columns` maps the columns of both.

@@ -293,7 +293,7 @@ class JointTrial:
 class JointTask(Task[JointTrial]):
     """Base of tasks with a joint. The action is a force at its handle, N."""
 
-    ways: ClassVar[Array] = WAYS[:1]  # along the joint, whichever way that is
+    ways: ClassVar[Array] = WAYS[:1]  # along the joint, in its own direction
 
     def action_range(self, world: JointTrial) -> tuple[float, float]:
         """The same range of forces in every world, N."""

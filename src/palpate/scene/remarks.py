@@ -225,7 +225,7 @@ def _base(scene: Scene) -> Iterator[str]:
 def _others(scene: Scene) -> Iterator[str]:
     """Yield remarks on bodies that are neither objects nor surfaces."""
     roles = scene.resolved.description.roles
-    # Bodies with joints that are not free, of which one may be a robot.
+    # Bodies with other joints than a free one: one may be a robot.
     if roles.ignored:
         advice = ""
         if not roles.robots:
@@ -329,7 +329,7 @@ def _unusual_contacts(scene: Scene) -> Iterator[str]:
 
 
 def _driven_fixtures(scene: Scene) -> Iterator[str]:
-    """Yield remarks on fixtures that something else than their own joint holds or moves."""
+    """Yield remarks on fixtures that another constraint or force than their own joint holds or moves."""
     shapes, bodies = scene.resolved.shapes, scene.resolved.description.bodies
     model = shapes.model
     for name in [name for name, body in bodies.items() if body.role == "fixture"]:

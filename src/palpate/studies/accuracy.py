@@ -151,7 +151,7 @@ class Prepared:
 
 @lru_cache(1)
 def _prepare(question: Question) -> Prepared | None:
-    """Prepare all seeds of a question at once; None where a seed may change the plan (a picture) or the cell."""
+    """Prepare plan and cell once for all seeds; None if a seed may change the plan (a picture) or the cell."""
     settings = question.settings
     varies = settings.scene is None or settings.images or settings.robot_config is not None
     return None if varies or settings.planner not in OWN else Prepared.of(settings)

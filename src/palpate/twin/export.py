@@ -99,7 +99,7 @@ class Export:
     findings: tuple[Finding, ...] = ()
 
     def acts_in(self, parameter: Parameter) -> tuple[str, ...]:
-        """Readers in which a held parameter acts as in the twin.
+        """Readers in which a kept parameter acts as in the twin.
 
         Without a check it is the one that read the file back, if it compared the quantity.
         """
@@ -237,7 +237,7 @@ def static_frictions(estimates: Sequence[Estimate]) -> dict[str, float]:
 
 
 def assumptions(description: Description, quantities: Catalogue) -> Iterator[str]:
-    """Note values of an export that nobody measured or stated."""
+    """Note values of an export that are neither measured nor stated."""
     inferred: dict[str, list[str]] = {}
     for name, body in description.bodies.items():
         for quantity in quantities.of(body.role):

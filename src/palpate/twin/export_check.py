@@ -177,7 +177,7 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
             # A ball would roll, by each simulator's own law.
             if not name.startswith(PROBE):
                 velocity[name] = [SLIDING, 0.0, 0.0]
-            # The heaviest of the bodies that are rigidly connected bears the force.
+            # Apply the force to the heaviest of the rigidly connected bodies.
             parts = np.flatnonzero(model.body_weldid == body)
             heaviest = int(parts[np.argmax(model.body_mass[parts])])
             pressed = shorten(model.body(heaviest).name)
@@ -200,7 +200,7 @@ def experiments_for(model: mujoco.MjModel) -> dict[str, dict[str, dict[str, Any]
 
 
 def run_reader(job: Mapping[str, Any], python: str) -> dict[str, Any]:
-    """Run a job in a process of its own.
+    """Run a job in a separate process.
 
     Returns:
         The result, or an `error` of one line.

@@ -90,7 +90,7 @@ def prepare(scene: Path) -> tuple[mujoco.MjSpec, list[str]]:
         if is_free(model, body) and model.dof_damping[first : first + 6].any():
             name = body_name(model, body)
             notes.append(f"the damping of the free body '{name}' is left out")
-    # Readers refuse a moving body without mass, or lose it: give it a share of what it carries.
+    # Readers refuse or lose a moving body without mass: give it a share of the mass that it carries.
     for body in spec.bodies:
         if model.body_weldid[body.id] and not model.body_mass[body.id] > 0.0:
             body.explicitinertial, body.ipos = True, np.zeros(3)

@@ -1,4 +1,4 @@
-"""Experiments with a file in one simulator, run as a script in a process of its own.
+"""Experiments with a file in one simulator, run as a script in a separate process.
 
 `python export_readers.py < job.json > result.json`. It imports nothing of palpate, so that the
 interpreter of any environment can run it. The job has `reader`, `remedy`, `file`, `placement`,

@@ -104,7 +104,7 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
 def write_bodies(
     model: mujoco.MjModel, bodies: Sequence[int], path: Path, written: Written
 ) -> None:
-    """Write one file of bodies, of which the first is the root: links, then the joints."""
+    """Write one file of bodies, the first of them as the root: links, then the joints."""
     root = etree.Element("robot", {"name": path.stem}, nsmap={"drake": DRAKE})
     for body in bodies:
         add_link(root, model, body, written)

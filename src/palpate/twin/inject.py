@@ -35,7 +35,7 @@ from palpate.twin.text import as_text, rewritten, write_records
 
 # Relative tolerance: single precision of meshes, and seven digits of shares that add up to a value.
 ROUNDED = 1e-5
-# Standard deviations: a value is written with a resolution of a tenth of its own deviation.
+# Standard deviations: the resolution of a written value is a tenth of its deviation.
 DIGITS = 0.1
 # Standard deviations: tolerance where one number states several components, as the radius of a
 # round object.

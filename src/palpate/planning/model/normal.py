@@ -193,7 +193,7 @@ _ROOTS = ("root", "behaviortree")
 
 
 def is_plan(value: object) -> bool:
-    """True for an object with a tree, whatever the case of its name."""
+    """True for an object with a tree; upper and lower case of its name are equal."""
     if not isinstance(value, dict):
         return False
     named = ("tree", "nodes", *TREE)
@@ -352,7 +352,7 @@ _ARGUMENT = re.compile(r"""(?:(\w{1,40})\s*[=:]\s*)?('[^']*'|"[^"]*"|[^,'"]+)(?:
 def expand_node(value: object) -> object:
     """Return a node with its type in a field.
 
-    A node may be a call, `MovePose(pose="cup_pose")`, or have its type as its only key:
+    A node may be a call, `MovePose(pose="cup_pose")`, or have the type as the only key:
     `{"sequence": [...]}`, `{"MovePose": {"pose": "cup_pose"}}`, `{"MovePose": "cup_pose"}`.
     """
     if isinstance(value, str) and (call := _CALL.fullmatch(value)):

@@ -110,7 +110,7 @@ def objects_of(sentence: str, scene: Scene) -> tuple[str, ...]:
 
 
 def objects_of_quantity(id: str, phrase: str, scene: Scene) -> tuple[str, ...]:
-    """Return the objects of "the mass of (phrase)"; empty if the phrase requests anything else."""
+    """Return the objects that `phrase` names, if "the QUANTITY of PHRASE" requests nothing else."""
     try:
         answer = ground(f"the {id} of {phrase}", scene)
     except (InputError, PlanRejected):

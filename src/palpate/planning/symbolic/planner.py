@@ -138,7 +138,7 @@ class ExhaustivePlanner:
     name: str = "exhaustive"
 
     def plan(self, request: str | None, scene: Scene | None, images: Sequence[Path] = ()) -> Plan:
-        """Measure the full suite on every body, whatever the request and the scene state."""
+        """Measure the full suite on every body, independently of the request and of known values."""
         if scene is None:
             raise needs_scene(self.name)
         # Surfaces first, then objects, each with all quantities of its role.
@@ -261,7 +261,7 @@ def _measure(
         if len(parameters) == 1:
             return [], dict.fromkeys(parameters, reason)
     else:
-        # Repeat each parameter as often as its effort requires.
+        # Repeat each parameter by the number of times in its effort.
         times = {wanted: effort.times for wanted, effort in chosen.items()}
         for count in range(2, max(times.values(), default=1) + 1):
             chainer.repeat(name, [wanted for wanted in times if times[wanted] >= count])

@@ -248,7 +248,7 @@ def balance_expressions(
 
 
 def domains(scene: Scene, name: str) -> Iterator[list[str]]:
-    """Yield sets of pose expressions around a body in order of size, from above and at it to shifted ones."""
+    """Yield growing sets of pose expressions around a body: above and at it, then shifted ones."""
     above, spot = approach(scene, name)
     if name not in scene.bodies:  # the gripper: above any object
         yield [approach(scene, other)[0] for other in scene.objects]

@@ -67,8 +67,8 @@ def fit_tips(
 ) -> Tips:
     """Fit tip length and base tilt to the touches of a trace.
 
-    The heights `surfaces` were touched, all of the `known` height, m. `base` is the pose of the arm's base, `reach`
-    the arm's reach, m.
+    `surfaces` were touched; all have the `known` height, m. `base` is the pose of the arm's base, `reach` its
+    reach, m.
     """
     hand = trace.hand
     # Find the touches of all descents; group them by place.
@@ -96,7 +96,7 @@ def fit_tips(
     # Test height and flatness with the full datasheet errors.
     full = place_stds(heights, 1.0, hand.pose_repeatability)
     require_plane(float(mean[0]), (high - design @ mean) / full, prior[0], known)
-    # Variance of a height between the gauges, and of one somewhat above or below them.
+    # Variance of a height between the gauges, and factor for heights above or below them.
     variance = float(np.trace(design @ covariance @ design.T)) / len(spots)
     away = leaning * AROUND
     std_x, std_y = np.sqrt(covariance.diagonal()[1:])

@@ -41,7 +41,7 @@ LEGEND: Figure = {"orientation": "h", "x": 0, "y": 1.02, "yanchor": "bottom"}
 
 
 def timeline(trace: Trace, windows: Mapping[Recording, str], groups: Mapping[str, str]) -> Figure:
-    """Force, height and leaves over robot time, on one shared axis.
+    """Plot force, height and leaves over a common axis of robot time.
 
     `windows` names the recordings to shade; `groups` maps each primitive to its group.
     """

@@ -143,8 +143,8 @@ MARGIN = 0.1  # Share of half the line that stays free at its end
 
 @dataclass(frozen=True, slots=True)
 class TaskDrawing:
-    """A task as a drawing. Positions are in per cent of a line whose middle is the goal; None for
-    results without a position, as a fall.
+    """Drawing of a task. Positions are in per cent of a line with the goal in its middle; None for a
+    result without a position, e.g. a fall.
     """
 
     # title, says: name and description of the task.
