@@ -20,21 +20,21 @@ MASS = Parameter("green_bottle", "mass")
 @pytest.fixture
 def asked(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     """The settings of the runs that were asked for; they are made up."""
-    found: list[Settings] = []
+    result: list[Settings] = []
 
     def made_up(
         settings: Settings, seed: int, displaced: bool, shared: accuracy.Prepared | None
     ) -> SeedRun:
         assert displaced
         assert shared is not None
-        found.append(settings)
+        result.append(settings)
         value = 0.187 + 1e-3 * (seed % 2)
         ends = (value - 2e-3, value + 2e-3)
-        one = ScoredEstimate(MASS, 0, seed, value, 1e-3, *ends, 0.187, 0.2, "kg")
-        return SeedRun(seed, "complete", 12, 17.0, (one,))
+        item = ScoredEstimate(MASS, 0, seed, value, 1e-3, *ends, 0.187, 0.2, "kg")
+        return SeedRun(seed, "complete", 12, 17.0, (item,))
 
     monkeypatch.setattr(accuracy, "run_seed", made_up)
-    return found
+    return result
 
 
 def test_seeds_are_kept_and_gone_on_with(
@@ -48,9 +48,9 @@ def test_seeds_are_kept_and_gone_on_with(
     assert max(map(len, answer.out.splitlines())) <= 80
     answer = palpate(*study, "--first-seed", 5000, "--seeds", 3, "--json")
     assert len(asked) == 3
-    (found,) = json.loads(answer.out)["scenarios"]
-    assert (found["scenario"], found["statuses"]) == ("one_missing_mass", {"complete": 3})
-    (row,) = found["rows"]
+    (result,) = json.loads(answer.out)["scenarios"]
+    assert (result["scenario"], result["statuses"]) == ("one_missing_mass", {"complete": 3})
+    (row,) = result["rows"]
     assert row["parameter"] == {"object": "green_bottle", "quantity": "mass"}
     assert (row["runs"], row["asked"], row["covered"]) == (3, 3, 3)
     assert row["bias"] == pytest.approx(1e-3 / 3)

@@ -43,9 +43,9 @@ def test_a_misspelt_name_gets_a_suggestion(
     answer = palpate(*wrong)
     assert answer.status == 2
     assert answer.out == ""
-    said = answer.err.lower()
-    assert "did you mean" in said or "possible options" in said
-    assert meant in said
+    text = answer.err.lower()
+    assert "did you mean" in text or "possible options" in text
+    assert meant in text
 
 
 @pytest.mark.parametrize("wrong", [("--nose", "lab"), ("--seed", "x"), ("--noise", "lap")])
@@ -53,10 +53,10 @@ def test_every_error_is_an_object_where_one_is_wanted(
     palpate: Palpate, wrong: tuple[str, ...]
 ) -> None:
     answer = palpate("demo", *wrong, "--json")
-    found = json.loads(answer.out)
-    assert found["status"] == "failed"
-    assert found["error"]["exit_status"] == answer.status == 2
-    assert found["error"]["message"]
+    document = json.loads(answer.out)
+    assert document["status"] == "failed"
+    assert document["error"]["exit_status"] == answer.status == 2
+    assert document["error"]["message"]
     assert palpate("demo", *wrong).out == ""
 
 
@@ -64,10 +64,10 @@ def test_a_shell_completes_commands_and_scenarios(
     palpate: Palpate, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("_PALPATE_COMPLETE", "complete_bash")
-    for words, found in (("palpate de", "demo"), ("palpate demo one_", "one_missing_mass")):
+    for words, result in (("palpate de", "demo"), ("palpate demo one_", "one_missing_mass")):
         monkeypatch.setenv("COMP_WORDS", words)
         monkeypatch.setenv("COMP_CWORD", str(len(words.split()) - 1))
-        assert found in palpate().out.split()
+        assert result in palpate().out.split()
 
 
 @pytest.mark.parametrize("value", ["nonsense", "osmesa"])

@@ -41,7 +41,7 @@ def test_a_known_weight_makes_masses_right(palpate: Call) -> None:
     Path("robot.yaml").write_text("speed: 0.9\ngravity: {value: 9.81}\n", encoding="utf-8")
     done = palpate("calibrate", "--weight", "0.5kg±0.1g", *ARM, "--json")
     assert done.status == 0, done.err
-    told = json.loads(done.out)
+    document = json.loads(done.out)
     config = read_config(Path("robot.yaml"))
     assert config.torque_gain is not None
     assert config.simulated is not None
@@ -55,17 +55,17 @@ def test_a_known_weight_makes_masses_right(palpate: Call) -> None:
     assert stds[1] < 0.3 * 0.05 / np.sqrt(3), "the shoulder bears the weight"
     told_before = pytest.approx(0.05 / np.sqrt(3), rel=0.01)
     assert stds[0] == told_before, "its axis is upright: no better than was told, and no worse"
-    assert [figure["name"] for figure in told["figures"]] == [
+    assert [figure["name"] for figure in document["figures"]] == [
         f"torque_gain {i}" for i in range(1, 8)
     ]
 
     # Another load, on the same arm.
     files(cube(mass=""), cube(mass='mass="1.0"'))
     answer = palpate("run", *ARM, "--robot-config", "robot.yaml", "--json")
-    (found,) = json.loads(answer.out)["parameters"]
-    assert abs(found["value"] - 1.0) < 0.005, "gains of 2 to 3 % make 20 g of it"
-    assert found["std"] < 0.005, "a half width of 5 % would leave 24 g"
-    assert abs(found["value"] - 1.0) < 3 * found["std"]
+    (result,) = json.loads(answer.out)["parameters"]
+    assert abs(result["value"] - 1.0) < 0.005, "gains of 2 to 3 % make 20 g of it"
+    assert result["std"] < 0.005, "a half width of 5 % would leave 24 g"
+    assert abs(result["value"] - 1.0) < 3 * result["std"]
 
 
 @pytest.mark.long

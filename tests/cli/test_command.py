@@ -82,8 +82,8 @@ def test_an_error_is_json_only_where_the_command_was_asked_for_it(
     app(["greet", "--", "--json"], standalone_mode=False)
     assert capsys.readouterr().out == ""
     app(["greet", "Ada", "--json"], standalone_mode=False)
-    told = json.loads(capsys.readouterr().out)
-    assert told == {"status": "failed", "error": {"message": "no", "exit_status": 2}}
+    document = json.loads(capsys.readouterr().out)
+    assert document == {"status": "failed", "error": {"message": "no", "exit_status": 2}}
 
 
 def test_the_arm_that_the_help_names_is_the_librarys() -> None:
@@ -122,10 +122,10 @@ def test_a_log_has_it_all_without_keys(
 ) -> None:
     monkeypatch.setenv("OPENAI_API_KEY", "a thought")
     spoken("--log", str(tmp_path / "log"))
-    said = (tmp_path / "log").read_text("utf-8")
-    assert "a doubt" in said
-    assert "DEBUG palpate.thoughts: " in said
-    assert "a thought" not in said
+    text = (tmp_path / "log").read_text("utf-8")
+    assert "a doubt" in text
+    assert "DEBUG palpate.thoughts: " in text
+    assert "a thought" not in text
     assert "a doubt" in capsys.readouterr().err
     spoken("--log", str(tmp_path))
     assert "cannot write --log" in capsys.readouterr().err

@@ -20,8 +20,8 @@ ARM = load_description("fr3")
 
 
 def log(hand: float = 0.9, seconds: float = 12.0) -> None:
-    made = recorded(ARM, hand, seconds=seconds)
-    np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=made.tau, tau_ext=0.1 * made.tau)
+    run = recorded(ARM, hand, seconds=seconds)
+    np.savez("log.npz", t=run.t, q=run.q, dq=run.dq, tau=run.tau, tau_ext=0.1 * run.tau)
 
 
 def test_dynamics_are_shown_and_written(palpate: Call, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -43,31 +43,31 @@ def test_the_dynamics_of_an_arm_are_printed_as_json(palpate: Call) -> None:
     log()
     done = palpate("dynamics", "log.npz", "--hand", "0.9kg", "--json")
     assert done.status == 0, done.err
-    told = json.loads(done.out)
-    assert told["arm"] == "fr3"
-    assert told["hand"] is None
-    assert told["files"] == []
-    assert [joint["joint"] for joint in told["joints"]] == list(ARM.joints)
-    assert told["joints"][3]["coulomb"]["std"] > 0.0
-    assert set(told["rms"]) == {"described", "friction", "all", "controller"}
-    assert len(told["links"]) == 7
+    document = json.loads(done.out)
+    assert document["arm"] == "fr3"
+    assert document["hand"] is None
+    assert document["files"] == []
+    assert [joint["joint"] for joint in document["joints"]] == list(ARM.joints)
+    assert document["joints"][3]["coulomb"]["std"] > 0.0
+    assert set(document["rms"]) == {"described", "friction", "all", "controller"}
+    assert len(document["links"]) == 7
 
 
 def test_a_wrong_recording_is_contradicted_and_not_written(palpate: Call) -> None:
-    made = recorded(ARM, 0.9, seconds=6.0)
-    np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=-made.tau)
+    run = recorded(ARM, 0.9, seconds=6.0)
+    np.savez("log.npz", t=run.t, q=run.q, dq=run.dq, tau=-run.tau)
     done = palpate("dynamics", "log.npz", "-o", "arm.xml")
     assert done.status == 1
-    said = " ".join(done.out.split())
-    assert "contradicted The described arm does not explain the torques: the torques have" in said
-    assert "another arm (--arm NAME or a folder" in said
+    text = " ".join(done.out.split())
+    assert "contradicted The described arm does not explain the torques: the torques have" in text
+    assert "another arm (--arm NAME or a folder" in text
     # Every printed figure is marked.
     rows = [line for line in done.out.splitlines() if "±" in line]
     assert len(rows) >= 8
     assert all(line.count("(") == line.count("±") for line in rows)
     assert done.out.startswith("contradicted: figures in parentheses have no meaning")
-    told = json.loads(palpate("dynamics", "log.npz", "--json").out)
-    assert told["verdict"] == "contradicted"
+    document = json.loads(palpate("dynamics", "log.npz", "--json").out)
+    assert document["verdict"] == "contradicted"
     assert not Path("arm.xml").exists()
     noise = palpate("noise", "log.npz", "-o", "mine.yaml")
     assert noise.status == 2

@@ -52,9 +52,9 @@ def test_the_stop_button_stops_the_arm(tmp_path: Path) -> None:
         out, err = process.communicate(timeout=60)
     assert process.returncode == 4
     assert "stopped: interrupted; what there is" in err.splitlines()[-1]
-    found = json.loads(out)
-    assert found == json.loads((tmp_path / "run" / "result.json").read_text("utf-8"))
-    assert found["status"] == "aborted"
+    document = json.loads(out)
+    assert document == json.loads((tmp_path / "run" / "result.json").read_text("utf-8"))
+    assert document["status"] == "aborted"
     trace = read_mcap(tmp_path / "run" / "trace.mcap")
     held = [leaf.context.holding for leaf in trace.leaves if leaf.context]
     assert held[-1] is None, "nothing is left in the hand"

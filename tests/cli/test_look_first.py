@@ -36,8 +36,8 @@ def seen(*names: str, unseen: tuple[str, ...] = ()) -> Seen:
     poses = {name: Pose.of((0.51, 0.02, 0.03)) for name in names}
     square = np.array([[2.0, 2], [8, 2], [8, 8], [2, 8]])
     drawn = Outlines(np.zeros((10, 10, 3), np.uint8), dict.fromkeys(names, (square,)))
-    said = ("a tag leans",)
-    return Seen(poses, {name: 1e-6 * np.eye(6) for name in names}, unseen, said, 0.1, drawn)
+    text = ("a tag leans",)
+    return Seen(poses, {name: 1e-6 * np.eye(6) for name in names}, unseen, text, 0.1, drawn)
 
 
 @pytest.mark.long
@@ -111,11 +111,11 @@ def test_objects_that_were_seen_overrule_a_file_whose_places_stay(
 ) -> None:
     stated = "{objects: {cube: {pos: [0.4, 0.1, 0.03]}}, places: {aside: {pos: [0.4, 0.2, 0.3]}}, accuracy: 0.004}"
     given = parse_scene(scene(cube(), cube("tin", y=0.2)).read_text(), poses=stated)
-    found = replace_objects(given, seen("cube").entries)
-    assert found.body("cube").pose_world.position == pytest.approx([0.51, 0.02, 0.03])
-    assert found.body("cube").accuracy == pytest.approx(0.001)
-    assert found.body("tin").accuracy == pytest.approx(0.004)
-    assert "aside" in found.symbols.poses
+    result = replace_objects(given, seen("cube").entries)
+    assert result.body("cube").pose_world.position == pytest.approx([0.51, 0.02, 0.03])
+    assert result.body("cube").accuracy == pytest.approx(0.001)
+    assert result.body("tin").accuracy == pytest.approx(0.004)
+    assert "aside" in result.symbols.poses
 
 
 def test_a_look_in_python_is_kept_with_the_run(

@@ -232,9 +232,11 @@ def test_a_sentence_a_picture_and_a_camera_give_complete_mjcf(
     assert answer.status == 0, answer.err
     assert "list the objects that the image shows" in requests[1].user
     assert len(requests[0].images) == 1
-    found = {(p["object"], p["quantity"]): p["value"] for p in json.loads(answer.out)["parameters"]}
-    assert found["table", "height"] == pytest.approx(0.031, abs=5e-4)
-    assert found["bottle", "mass"] == pytest.approx(0.317, abs=0.006)
+    by_name = {
+        (p["object"], p["quantity"]): p["value"] for p in json.loads(answer.out)["parameters"]
+    }
+    assert by_name["table", "height"] == pytest.approx(0.031, abs=5e-4)
+    assert by_name["bottle", "mass"] == pytest.approx(0.317, abs=0.006)
     twin = palpate("gap", tmp_path / "out" / "twin.xml", "--json")
     assert json.loads(twin.out)["missing"] == [
         {"object": "bottle", "quantity": "friction"},
@@ -403,9 +405,9 @@ def test_a_value_that_is_not_believed_is_measured_again(palpate: Palpate, tmp_pa
 
 def test_a_complete_scene_shows_the_explanation(palpate: Palpate, tmp_path: Path) -> None:
     (tmp_path / "desk.xml").write_text(SCENE)
-    said = {"outcome": "nothing_missing", "parameters": [], "explanation": "D says 0.4 kg."}
+    values = {"outcome": "nothing_missing", "parameters": [], "explanation": "D says 0.4 kg."}
     asked = ("-r", "What does the brick weigh?", "--scene", tmp_path / "desk.xml")
-    with Loopback(Says(json.dumps(said | {"tree": None}))) as server:
+    with Loopback(Says(json.dumps(values | {"tree": None}))) as server:
         answer = palpate("run", *asked, *model_settings(server))
     assert answer.status == 0, answer.err
     assert "nothing is missing D says 0.4 kg." in answer.out

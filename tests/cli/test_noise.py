@@ -21,8 +21,8 @@ ARM = load_description("fr3")
 
 
 def log() -> None:
-    made = recorded(ARM, 0.73, seconds=20.0)
-    np.savez("log.npz", t=made.t, q=made.q, dq=made.dq, tau=made.tau)
+    run = recorded(ARM, 0.73, seconds=20.0)
+    np.savez("log.npz", t=run.t, q=run.q, dq=run.dq, tau=run.tau)
 
 
 def test_the_measured_noise_is_shown_with_the_models_and_written(
@@ -55,13 +55,13 @@ def test_the_noise_of_an_arm_is_printed_as_json(palpate: Call) -> None:
     log()
     done = palpate("noise", "log.npz", "--json")
     assert done.status == 0, done.err
-    told = json.loads(done.out)
-    assert told["log"] == "log.npz"
-    assert told["file"] is None
-    assert told["figures"]["white"]["value"] == [None] * 7
-    low, high = (told["figures"]["coulomb"][part][0] for part in ("low", "high"))
-    assert low < told["figures"]["coulomb"]["value"][0] < high
-    assert list(told["models"]) == ["measured", "hardware", "datasheet", "lab"]
+    document = json.loads(done.out)
+    assert document["log"] == "log.npz"
+    assert document["file"] is None
+    assert document["figures"]["white"]["value"] == [None] * 7
+    low, high = (document["figures"]["coulomb"][part][0] for part in ("low", "high"))
+    assert low < document["figures"]["coulomb"]["value"][0] < high
+    assert list(document["models"]) == ["measured", "hardware", "datasheet", "lab"]
 
 
 def test_an_existing_file_is_not_overwritten(palpate: Call) -> None:

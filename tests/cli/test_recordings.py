@@ -36,19 +36,19 @@ def test_a_recording_is_estimated_as_json_and_saved_as_a_folder(
     log, columns = motion(tmp_path), tmp_path / "map.yaml"
     asked = ("estimate", log, "--loaded", "3-5.9", "--columns", columns, "--hand", "0.7")
     answer = palpate(*asked, "--json", "-o", tmp_path / "run")
-    found = json.loads(answer.out)
-    assert [row["object"] for row in found["parameters"]] == ["load"] * 3
-    assert [row["quantity"] for row in found["parameters"]] == ["mass", "com", "inertia"]
-    assert found["simulated"] is False
-    assert found["provenance"]["seed"] is None
-    assert found["plan"]["planner"] == "recording"
-    assert answer.status == (0 if found["status"] == "complete" else 1)
+    document = json.loads(answer.out)
+    assert [row["object"] for row in document["parameters"]] == ["load"] * 3
+    assert [row["quantity"] for row in document["parameters"]] == ["mass", "com", "inertia"]
+    assert document["simulated"] is False
+    assert document["provenance"]["seed"] is None
+    assert document["plan"]["planner"] == "recording"
+    assert answer.status == (0 if document["status"] == "complete" else 1)
     # Torques of noise alone hold no arm up.
-    assert found["parameters"][0]["verdict"] == "contradicted"
-    assert "own weight is not in the torques" in str(found["parameters"][0])
+    assert document["parameters"][0]["verdict"] == "contradicted"
+    assert "own weight is not in the torques" in str(document["parameters"][0])
     assert (tmp_path / "run" / "report.html").exists()
     again = json.loads(palpate("estimate", tmp_path / "run", "--json").out)
-    assert again["parameters"][0]["value"] == found["parameters"][0]["value"]
+    assert again["parameters"][0]["value"] == document["parameters"][0]["value"]
 
 
 def test_load_data_are_printed_or_written(palpate: Palpate, tmp_path: Path) -> None:
@@ -57,24 +57,24 @@ def test_load_data_are_printed_or_written(palpate: Palpate, tmp_path: Path) -> N
     asked = ("--load-data", "ur", "--load-data", f"franka-desk={file}")
     answer = palpate("estimate", log, *asked)
     assert answer.status == 0
-    (line,) = [one for one in answer.out.splitlines() if one.startswith("set_target_payload(")]
+    (line,) = [item for item in answer.out.splitlines() if item.startswith("set_target_payload(")]
     mass = json.loads(file.read_text())["mass"]
     assert line.startswith(f"set_target_payload({mass}, [")
     assert f"load data written to {file}" in " ".join(answer.out.split())
-    for options, said in (
+    for options, text in (
         (("--load-data", "abb"), "unknown format of load data 'abb'"),
         (("--load-data", f"ur={file}"), "exists already"),
         (("--load-data", "ur", "--json"), "--load-data ur with --json needs a file"),
     ):
         answer = palpate("estimate", log, "-o", tmp_path / "run", *options)
         assert answer.status == 2
-        assert said in " ".join(answer.err.split())
+        assert text in " ".join(answer.err.split())
         assert not (tmp_path / "run").exists()
 
 
 def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
     log = motion(tmp_path)
-    for options, said in (
+    for options, text in (
         ((log,), "no column for joint torques with gravity (tau). Columns: time, position"),
         ((log, "--loaded", "soon"), "--loaded takes seconds A-B, as in 12.0-18.5, not 'soon'"),
         ((log, "--hand", "heavy"), "--hand takes kilograms or 'found'"),
@@ -83,7 +83,7 @@ def test_errors_say_what_to_do(palpate: Palpate, tmp_path: Path) -> None:
     ):
         answer = palpate("estimate", *options)
         assert answer.status == 2
-        assert said in " ".join(answer.err.split())
+        assert text in " ".join(answer.err.split())
 
 
 def test_an_option_names_one_of_two_arms(palpate: Palpate, tmp_path: Path) -> None:
@@ -99,9 +99,9 @@ def test_an_option_names_one_of_two_arms(palpate: Palpate, tmp_path: Path) -> No
     asked = ("noise", tmp_path / "two.npz", "--json")
     refused = palpate(*asked)
     assert refused.status == 2
-    said = " ".join(refused.err.split())
-    assert "several arms: 'left' (left_q[0] …), 'right' (right_q[0] …)" in said
-    assert "in a file with 'joints: right', and give it as --columns MAP.yaml" in said
+    text = " ".join(refused.err.split())
+    assert "several arms: 'left' (left_q[0] …), 'right' (right_q[0] …)" in text
+    assert "in a file with 'joints: right', and give it as --columns MAP.yaml" in text
     (tmp_path / "left.yaml").write_text("joints: left\n")
     answer = palpate(*asked, "--columns", tmp_path / "left.yaml")
     assert answer.status == 0

@@ -133,13 +133,13 @@ def test_a_signal_during_motion_stops_the_arm_and_keeps_the_run(
     assert process.returncode == 4
     assert "interrupted by SIGTERM" in err.splitlines()[-1]
     assert "what there is, is in 'run'" in err.splitlines()[-1]
-    found = json.loads((desk / "run" / "result.json").read_text("utf-8"))
-    assert found == json.loads(out)
-    assert found["status"] == "aborted"
+    document = json.loads((desk / "run" / "result.json").read_text("utf-8"))
+    assert document == json.loads(out)
+    assert document["status"] == "aborted"
     trace = read_mcap(desk / "run" / "trace.mcap")
     put_down = [leaf.label for leaf in trace.leaves if leaf.node == "stop"]
     assert put_down == ([] if others else ["PutDown()"])
-    assert found["parameters"] == [] or found["parameters"][0]["verdict"] == "not identified"
+    assert document["parameters"] == [] or document["parameters"][0]["verdict"] == "not identified"
 
 
 @pytest.mark.long
@@ -150,10 +150,10 @@ def test_a_signal_during_building_keeps_the_estimates(
     process, out, err = interrupted(desk, "building the twin", signal.SIGHUP)
     assert process.returncode == 4
     assert "interrupted by SIGHUP while building the twin" in err.splitlines()[-1]
-    found = json.loads(out)
-    assert (found["status"], found["stage"]) == ("aborted", "building the twin")
-    assert found["parameters"][0]["verdict"] == "identified"
-    assert found == json.loads((desk / "run" / "result.json").read_text("utf-8"))
+    document = json.loads(out)
+    assert (document["status"], document["stage"]) == ("aborted", "building the twin")
+    assert document["parameters"][0]["verdict"] == "identified"
+    assert document == json.loads((desk / "run" / "result.json").read_text("utf-8"))
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no device that is always full")
@@ -174,16 +174,16 @@ def test_a_result_that_cannot_be_printed_is_no_success(desk: Path) -> None:
 def test_a_scratch_folder_of_a_killed_process_is_swept(tmp_path: Path) -> None:
     from palpate.runs import folder
 
-    mine = tmp_path / "runs"
-    mine.mkdir()
+    parent = tmp_path / "runs"
+    parent.mkdir()
     gone = subprocess.Popen([sys.executable, "-c", ""])
     gone.wait()
     host = folder._HOST  # pyright: ignore[reportPrivateUsage]
-    stale = mine / f".cup.palpate-{host}-{gone.pid}-abcd1234"
-    alive = mine / f".cup.palpate-{host}-{os.getpid()}-abcd1234"
-    elsewhere = mine / f".cup.palpate-00000000-{gone.pid}-abcd1234"
-    other = mine / ".cup.abcd1234"
+    stale = parent / f".cup.palpate-{host}-{gone.pid}-abcd1234"
+    alive = parent / f".cup.palpate-{host}-{os.getpid()}-abcd1234"
+    elsewhere = parent / f".cup.palpate-00000000-{gone.pid}-abcd1234"
+    other = parent / ".cup.abcd1234"
     for path in (stale, alive, elsewhere, other):
         path.mkdir()
-    folder.growing_folder(mine / "cup")
-    assert sorted(mine.iterdir()) == sorted([alive, elsewhere, other, mine / "cup"])
+    folder.growing_folder(parent / "cup")
+    assert sorted(parent.iterdir()) == sorted([alive, elsewhere, other, parent / "cup"])

@@ -33,13 +33,13 @@ def folders(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
     scene, world = folder / "scene.xml", folder / "world.xml"
     scene.write_text(SCENE)
     world.write_text(WORLD)
-    found: list[Path] = []
+    result: list[Path] = []
     for seed in (0, 1):
         run = pp.run(scene, "how heavy is the cube?", world=world, seed=seed, fast=True)
         assert run[Parameter("cube", "mass")].identified
         run.save(folder / f"run{seed}")
-        found.append(folder / f"run{seed}")
-    return found
+        result.append(folder / f"run{seed}")
+    return result
 
 
 @pytest.fixture(scope="module")
@@ -95,10 +95,10 @@ def test_a_twin_is_exported(palpate: Palpate, stored: Path, tmp_path: Path) -> N
     out = tmp_path / "urdf"
     answer = palpate("export", stored, "--to", "urdf", "--out", out, "--json")
     assert answer.status == 0
-    made = json.loads(answer.out)
+    document = json.loads(answer.out)
     kept = json.loads((out / "export.json").read_text())
-    assert made == kept | {"file": str(out / "scene.urdf")}
-    (row,) = made["parameters"]
+    assert document == kept | {"file": str(out / "scene.urdf")}
+    (row,) = document["parameters"]
     assert row["read_back"]
     assert (out / "scene.urdf").read_text().count("<mass ") == 2
     again = palpate("export", stored, "--to", "urdf", "--out", out)
@@ -119,10 +119,10 @@ def test_a_twin_is_proved_and_the_report_shows_it(
     shutil.copytree(stored, copy)
     answer = palpate("prove", copy, "--json")
     assert answer.status == 0
-    made = json.loads(answer.out)
-    assert made == json.loads((copy / "proof.json").read_text("utf-8"))
-    assert {row["task"] for row in made["tasks"]} >= {"topple", "throw to a mark"}
-    for row in made["tasks"]:
+    document = json.loads(answer.out)
+    assert document == json.loads((copy / "proof.json").read_text("utf-8"))
+    assert {row["task"] for row in document["tasks"]} >= {"topple", "throw to a mark"}
+    for row in document["tasks"]:
         assert abs(row["twin"][0]) < abs(row["prior"][0])
     assert "What the twin is good for" in (copy / "report.html").read_text("utf-8")
     (copy / "proof.json").write_text('{"tasks": [{}]}')
@@ -166,10 +166,10 @@ def test_a_run_is_not_counted_twice_nor_one_of_another_scene(
     other = tmp_path / "other.xml"
     other.write_text(SCENE.replace("0.35 0 -0.03", "0.36 0 -0.03"))
     _edit(copy / "request.json", scene=str(other), world=None)
-    apart = palpate("fuse", stored, copy)
-    assert apart.status == 2
+    alone = palpate("fuse", stored, copy)
+    assert alone.status == 2
     for word in ("not of one scene", "0.35 0 -0.03", "worlds differ"):
-        assert word in apart.err
+        assert word in alone.err
 
 
 @pytest.mark.parametrize("file", ["twin.xml", "scene.xml"])
@@ -196,18 +196,18 @@ def test_runs_are_compared(palpate: Palpate, folders: list[Path]) -> None:
     assert first["difference"] is None
     assert second["difference"] == pytest.approx(second["value"] - first["value"])
     # Two arms share nothing.
-    apart = math.hypot(first["std"], second["std"])
-    assert second["difference_std"] == pytest.approx(apart)
+    gap = math.hypot(first["std"], second["std"])
+    assert second["difference_std"] == pytest.approx(gap)
     assert second["z"] == pytest.approx(second["difference"] / second["difference_std"])
     table = palpate("compare", *folders)
     assert (table.status, table.err) == (0, "")
     assert f"{second['z']:+.1f}" in table.out
     assert palpate("compare", folders[0]).status == 2
-    found = pp.compare(folders)
-    assert f"cube.mass {abs(second['z']):.1f} std apart" in repr(found)
-    assert found["cube.mass"][1].difference == pytest.approx(second["difference"])
+    comparison = pp.compare(folders)
+    assert f"cube.mass {abs(second['z']):.1f} std apart" in repr(comparison)
+    assert comparison["cube.mass"][1].difference == pytest.approx(second["difference"])
     with pytest.raises(KeyError, match=r"'cube.height' is in none of the runs; there is cube.mass"):
-        found["cube.height"]
+        comparison["cube.height"]
 
 
 def test_shared_errors_cancel_in_the_difference_of_runs(
@@ -223,7 +223,7 @@ def test_shared_errors_cancel_in_the_difference_of_runs(
     (copy / "result.json").write_text(json.dumps(result))
     answer = json.loads(palpate("compare", stored, copy, "--json").out)
     second = answer["parameters"][0]["runs"][1]
-    shared = math.hypot(*(one["effect"][0] for one in row["shared"]))
+    shared = math.hypot(*(item["effect"][0] for item in row["shared"]))
     assert shared > 0.1 * row["std"]
     own = math.sqrt(row["std"] ** 2 - shared**2)
     assert second["difference_std"] == pytest.approx(math.sqrt(2) * own)
@@ -316,7 +316,7 @@ def test_a_twin_that_predicts_no_better_than_the_scene_is_not_validated(
 ) -> None:
     run = pp.open(stored)
     assert run.held_out is not None
-    motions = tuple(replace(one, chi2_template=one.chi2 / 2) for one in run.held_out.motions)
+    motions = tuple(replace(item, chi2_template=item.chi2 / 2) for item in run.held_out.motions)
     show_run(replace(run, held_out=replace(run.held_out, motions=motions)), as_json=False)
     shown = capsys.readouterr().out
     assert "validation open the way down with the cube" in shown

@@ -77,9 +77,9 @@ def test_a_gap_has_units_and_a_next_step(
     palpate: Callable[..., Answer], scene: Callable[..., Path]
 ) -> None:
     path = scene(cube())
-    said = palpate("gap", path).out
-    assert "height 0 m" in said
-    assert said.endswith(f"measure what is missing:\n  palpate run --scene {path}\n")
+    text = palpate("gap", path).out
+    assert "height 0 m" in text
+    assert text.endswith(f"measure what is missing:\n  palpate run --scene {path}\n")
     planned = palpate("plan", "--scene", path, "-r", "how heavy is the cube?").out
     command = f"palpate run --scene {path} -r 'how heavy is the cube?'"
     assert planned.endswith(f"let the arm carry it out:\n  {command}\n")
@@ -90,9 +90,9 @@ def test_a_gap_has_units_and_a_next_step(
 def test_an_empty_scene_says_what_it_lacks(palpate: Callable[..., Answer], tmp_path: Path) -> None:
     empty = tmp_path / "empty.xml"
     empty.write_text("<mujoco><worldbody/></mujoco>")
-    said = palpate("gap", empty).out
-    assert "no object and no surface" in said
-    assert "palpate run" not in said
+    text = palpate("gap", empty).out
+    assert "no object and no surface" in text
+    assert "palpate run" not in text
 
 
 def test_a_run_of_which_nothing_was_asked_says_so(

@@ -35,12 +35,12 @@ def asked(*arguments: object, typed: str = "") -> tuple[int, str]:
 
 def test_a_ruler_s_numbers_become_poses(desk: Path, tmp_path: Path) -> None:
     file = tmp_path / "poses.yaml"
-    status, said = asked("teach", desk, "--out", file, typed="mug 45cm -120mm 30°\nbox 0.4\n\n")
-    assert status == 0, said
-    assert "mug at (0.450, -0.120, 0.250) m, turned by +30°" in said
-    assert "still missing: box" in said
-    assert "Names: box, mug >" in said or "Names: mug, box >" in said
-    assert "'box 0.4' is not NAME AHEAD LEFT [TURN]" in said
+    status, text = asked("teach", desk, "--out", file, typed="mug 45cm -120mm 30°\nbox 0.4\n\n")
+    assert status == 0, text
+    assert "mug at (0.450, -0.120, 0.250) m, turned by +30°" in text
+    assert "still missing: box" in text
+    assert "Names: box, mug >" in text or "Names: mug, box >" in text
+    assert "'box 0.4' is not NAME AHEAD LEFT [TURN]" in text
     mug = load_scene(desk, file).body("mug").pose_world
     assert mug.position == pytest.approx([0.45, -0.12, 0.25], abs=1e-4)
     assert math.atan2(mug.rotation[1, 0], mug.rotation[0, 0]) == pytest.approx(math.radians(30))
@@ -49,8 +49,8 @@ def test_a_ruler_s_numbers_become_poses(desk: Path, tmp_path: Path) -> None:
 def test_earlier_poses_are_kept_and_no_file_is_overwritten(desk: Path, tmp_path: Path) -> None:
     first, both = tmp_path / "first.yaml", tmp_path / "both.yaml"
     first.write_text("objects: {box: {pos: [0.4, 0.1, 0.23]}}\noffsets: {z_offset: 0.2}\n", "utf-8")
-    status, said = asked("teach", desk, "--poses", first, "--out", both, typed="mug .5 0\n\n")
-    assert (status, "every object is taught" in said) == (0, True), said
+    status, text = asked("teach", desk, "--poses", first, "--out", both, typed="mug .5 0\n\n")
+    assert (status, "every object is taught" in text) == (0, True), text
     scene = load_scene(desk, both)
     assert scene.body("box").pose_world.position == pytest.approx([0.4, 0.1, 0.23])
     assert asked("teach", desk, "--out", both, typed="mug .5 0\n\n")[0] == 2
@@ -58,24 +58,24 @@ def test_earlier_poses_are_kept_and_no_file_is_overwritten(desk: Path, tmp_path:
 
 def test_a_length_beyond_every_arms_reach_is_refused_at_once(desk: Path, tmp_path: Path) -> None:
     file = tmp_path / "p.yaml"
-    status, said = asked("teach", desk, "--out", file, typed="mug 500 -120\nmug 500mm -120mm\n\n")
-    assert status == 0, said
-    assert "500 m is out of every arm's reach: did you mean 500mm or 500cm?" in said
+    status, text = asked("teach", desk, "--out", file, typed="mug 500 -120\nmug 500mm -120mm\n\n")
+    assert status == 0, text
+    assert "500 m is out of every arm's reach: did you mean 500mm or 500cm?" in text
     assert load_scene(desk, file).body("mug").pose_world.position[0] == pytest.approx(0.5)
 
 
 def test_names_that_the_scene_does_not_have_are_refused(desk: Path, tmp_path: Path) -> None:
-    status, said = asked("teach", desk, "--out", tmp_path / "p.yaml", typed="cup 0.5 0\n\n")
+    status, text = asked("teach", desk, "--out", tmp_path / "p.yaml", typed="cup 0.5 0\n\n")
     assert status == 2
-    assert "unknown object 'cup'; valid: box, mug" in said
-    assert "nothing is written" in said
+    assert "unknown object 'cup'; valid: box, mug" in text
+    assert "nothing is written" in text
 
 
 def test_a_doctor_without_arguments_checks_this_machine(desk: Path) -> None:
-    status, said = asked("doctor", "--robot", f"franky://{own_address()}")
+    status, text = asked("doctor", "--robot", f"franky://{own_address()}")
     assert status == 5
-    assert "Connection refused" in said
-    assert "activate FCI in Desk" in said
+    assert "Connection refused" in text
+    assert "activate FCI in Desk" in text
 
 
 @pytest.mark.long
@@ -84,7 +84,7 @@ def test_an_arm_is_examined_and_its_hand_teaches_poses(desk: Path, tmp_path: Pat
     pytest.importorskip("franky", reason="franky-control has no wheel for this machine")
     with served(desk) as bench:
         url = f"franky://{bench.address}"
-        status, said = asked("doctor", "--robot", url, "--yes")
+        status, text = asked("doctor", "--robot", url, "--yes")
         for line in (
             "version 10, as franky-control's (10)",
             "mode ready",
@@ -96,23 +96,23 @@ def test_an_arm_is_examined_and_its_hand_teaches_poses(desk: Path, tmp_path: Pat
             "hand opens 80 mm",
             "answered cycles 100.0 %",
         ):
-            assert line in said, said
+            assert line in text, text
         bench.ask("end_effector", mass=2.0)
         config = tmp_path / "robot.yaml"
         config.write_text("end_effector: {mass: 0.76, centre: [0, 0, 0.05]}\n", "utf-8")
-        status, said = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
+        status, text = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
         assert status == 5
-        assert "set the same in Desk" in said
-        assert "an arm that is not well does not hold itself" in said
+        assert "set the same in Desk" in text
+        assert "an arm that is not well does not hold itself" in text
         config.write_text("end_effector: {mass: 2.0, centre: [0.1, 0, 0.05]}\n", "utf-8")
-        _, said = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
-        assert "robot.yaml says 2.000 kg at [71, -71, 50] mm: set the same in Desk" in said
+        _, text = asked("doctor", "--robot", url, "--robot-config", config, "--yes")
+        assert "robot.yaml says 2.000 kg at [71, -71, 50] mm: set the same in Desk" in text
         bench.ask("end_effector", mass=0.76)
         file = tmp_path / "poses.yaml"
-        status, said = asked("teach", desk, "--robot", url, "--out", file, typed="mug\nbin\n\n")
-    assert status == 0, said
-    assert "mug at (0." in said
-    assert "bin: the hand at (0.3" in said
+        status, text = asked("teach", desk, "--robot", url, "--out", file, typed="mug\nbin\n\n")
+    assert status == 0, text
+    assert "mug at (0." in text
+    assert "bin: the hand at (0.3" in text
     scene = load_scene(desk, file)
     assert scene.symbols.resolve("bin").position[0] == pytest.approx(0.307, abs=0.005)
     mug = scene.body("mug").pose_world.position

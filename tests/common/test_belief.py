@@ -39,8 +39,8 @@ def test_errors_after_touches_are_as_large_as_the_covariance_says() -> None:
             believed = belief.pose.position - SEEN.position
             turned = belief.pose.rotation
             small = np.array([turned[2, 1], turned[0, 2], turned[1, 0]])
-            apart = true - along @ (believed + np.cross(small, lever))
-            met = float(apart + ERROR * random.standard_normal())
+            gap = true - along @ (believed + np.cross(small, lever))
+            met = float(gap + ERROR * random.standard_normal())
             belief = belief.update("probe", along, belief.pose.position + lever, met)
         left = np.concatenate([believed_error(belief, error)])
         squares.append(left @ np.linalg.solve(belief.covariance, left) / 6)

@@ -45,8 +45,8 @@ def test_nothing_on_the_console_is_a_command() -> None:
 
 def test_values_of_python_become_json_and_what_is_not_finite_becomes_null() -> None:
     touch = BeliefTouch("probe", (0.0, 0.0, 1.0), (0.1, 0.2, 0.3), math.inf, 1e-3, math.nan)
-    found = to_json({"touch": touch, "file": Path("a/b"), "numbers": np.array([[1.0, np.nan]])})
-    assert found == {
+    result = to_json({"touch": touch, "file": Path("a/b"), "numbers": np.array([[1.0, np.nan]])})
+    assert result == {
         "touch": {
             "means": "probe",
             "along": [0.0, 0.0, 1.0],

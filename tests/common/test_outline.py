@@ -58,14 +58,14 @@ def test_the_profile_of_a_disc_is_its_circle() -> None:
 def test_clearance_is_a_close_lower_bound_of_the_distance(x: float, y: float, turn: float) -> None:
     shape = rectangle(np.zeros(2), unit(turn), 0.05, 0.02)
     obstacle = rectangle(np.array([x, y]), unit(0.3), 0.08, 0.04)
-    found = float(clearance(shape, np.zeros((1, 2)), [obstacle])[0])
+    value = float(clearance(shape, np.zeros((1, 2)), [obstacle])[0])
     sides = np.linspace(0, 1, 40)
     edges_a = np.concatenate([a + sides[:, None] * (b - a) for a in shape for b in shape])
     edges_b = np.concatenate([a + sides[:, None] * (b - a) for a in obstacle for b in obstacle])
     distance = float(np.min(np.linalg.norm(edges_a[:, None] - edges_b, axis=-1)))
-    assert found <= distance + 1e-9
+    assert value <= distance + 1e-9
     if distance > 0.01:
-        assert found >= 0.98 * distance - 0.007
+        assert value >= 0.98 * distance - 0.007
 
 
 def test_nothing_in_the_way_is_infinitely_clear() -> None:
@@ -84,9 +84,9 @@ SQUARE = np.array([[0.0, 0], [1, 0], [1, 1], [0, 1]])
 
 
 def test_a_hull_is_made_of_corners_alone() -> None:
-    found = hull(np.concatenate([SQUARE[::-1], [[0.5, 0.5], [1, 0.5], [0, 0]]]))
-    assert sorted(found.tolist()) == sorted(SQUARE.tolist())
-    assert depth(found, np.array([0.5, 0.5])) > 0  # counterclockwise
+    polygon = hull(np.concatenate([SQUARE[::-1], [[0.5, 0.5], [1, 0.5], [0, 0]]]))
+    assert sorted(polygon.tolist()) == sorted(SQUARE.tolist())
+    assert depth(polygon, np.array([0.5, 0.5])) > 0  # counterclockwise
 
 
 def test_a_polygon_without_area_has_no_inside() -> None:

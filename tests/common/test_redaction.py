@@ -48,11 +48,11 @@ FORMS = {
 
 @pytest.mark.parametrize("form", FORMS)
 def test_no_form_of_a_key_is_left(form: str) -> None:
-    found = redact(f"it is {FORMS[form]}, as you know")
-    assert "[key]" in found
-    assert found.startswith("it is ")
-    assert found.endswith("as you know")
-    left = found.replace("[key]", "")
+    text = redact(f"it is {FORMS[form]}, as you know")
+    assert "[key]" in text
+    assert text.startswith("it is ")
+    assert text.endswith("as you know")
+    left = text.replace("[key]", "")
     for i in range(len(FORMS[form]) - 12):
         assert FORMS[form][i : i + 12] not in left
 

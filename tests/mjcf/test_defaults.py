@@ -19,11 +19,11 @@ def test_defaults_follow_classes_and_childclasses() -> None:
       </worldbody></mujoco>""")
     defaults = Defaults(document.root)
     geoms = {g.get("name"): g for g in document.root.iter("geom") if g.get("name")}
-    found = {
+    by_name = {
         name: (defaults.attribute(g, "mass"), defaults.attribute(g, "friction"))
         for name, g in geoms.items()
     }
-    assert found == {"plain": (None, "0.1"), "wall": ("0.2", "0.1"), "grip": ("1", "0.3")}
+    assert by_name == {"plain": (None, "0.1"), "wall": ("0.2", "0.1"), "grip": ("1", "0.3")}
 
 
 def test_unknowns_beyond_the_listed_numbers_take_the_last_one() -> None:

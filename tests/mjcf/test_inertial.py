@@ -23,12 +23,12 @@ def test_whole_has_the_inertia_of_the_compiled_subtree(own: str) -> None:
     model = mujoco.MjModel.from_xml_string(CLUB.format(own=own))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
-    found, club = total_inertia(model, "club"), model.body("club").id
+    result, club = total_inertia(model, "club"), model.body("club").id
     pose = data.xpos[club], data.xmat[club].reshape(3, 3)
-    assert found.mass == pytest.approx(model.body_subtreemass[club])
-    assert pose[0] + pose[1] @ found.com == pytest.approx(data.subtree_com[club])
+    assert result.mass == pytest.approx(model.body_subtreemass[club])
+    assert pose[0] + pose[1] @ result.com == pytest.approx(data.subtree_com[club])
     # The mass matrix of a free body: its last three rows are the inertia about its frame.
     mass = np.zeros((model.nv, model.nv))
     mujoco.mj_fullM(model, data, mass)
-    offset = found.mass * (found.com @ found.com * np.eye(3) - np.outer(found.com, found.com))
-    assert mass[3:6, 3:6] == pytest.approx(found.tensor + offset)
+    offset = result.mass * (result.com @ result.com * np.eye(3) - np.outer(result.com, result.com))
+    assert mass[3:6, 3:6] == pytest.approx(result.tensor + offset)

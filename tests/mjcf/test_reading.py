@@ -180,11 +180,11 @@ def beside(tmp_path: Path, name: str = "share") -> Path:
 def test_files_outside_the_scenes_folder_are_read(tmp_path: Path, root: str | None) -> None:
     scene = beside(tmp_path)
     share = tmp_path / "share"
-    found = load_scene(scene, root=None if root is None else share / root)
-    assert found.files == (share / "assets" / "m.obj",)
+    parsed_scene = load_scene(scene, root=None if root is None else share / root)
+    assert parsed_scene.files == (share / "assets" / "m.obj",)
     given = share if root is None else (share / root).resolve()
-    assert f"1 files are read from below '{given}'" in " ".join(remarks(found))
-    twin = scene_from_text(found.text, found)
+    assert f"1 files are read from below '{given}'" in " ".join(remarks(parsed_scene))
+    twin = scene_from_text(parsed_scene.text, parsed_scene)
     assert twin.spec().compile().nmesh == 1
 
 
@@ -220,13 +220,13 @@ def test_folders_that_hold_more_than_scenes_are_too_wide(folder: str) -> None:
 
 
 def test_the_message_is_the_same_for_existing_and_missing_system_files(tmp_path: Path) -> None:
-    said: set[str] = set()
+    text: set[str] = set()
     for name in ("/etc/passwd", "/etc/passwt"):
         (tmp_path / "scene.xml").write_text(f'<mujoco><include file="{name}"/></mujoco>')
         with pytest.raises(InputError) as error:
             load_scene(tmp_path / "scene.xml")
-        said.add(str(error.value).replace("passwt", "passwd"))
-    assert len(said) == 1
+        text.add(str(error.value).replace("passwt", "passwd"))
+    assert len(text) == 1
 
 
 def test_parts_are_found_where_mujoco_finds_them(tmp_path: Path) -> None:
@@ -241,9 +241,9 @@ def test_parts_are_found_where_mujoco_finds_them(tmp_path: Path) -> None:
         f"<worldbody>{OBJECT}</worldbody></mujocoinclude>"
     )
     assert mujoco.MjModel.from_xml_path(str(tmp_path / "scene.xml")).nmesh == 1
-    found = load_scene(tmp_path / "scene.xml")
-    assert found.spec().compile().nmesh == 1
-    merged = inject(found.text, {Parameter("a.mass"): (0.2,)}, folder=tmp_path)
+    scene = load_scene(tmp_path / "scene.xml")
+    assert scene.spec().compile().nmesh == 1
+    merged = inject(scene.text, {Parameter("a.mass"): (0.2,)}, folder=tmp_path)
     assert 'mass="0.2"' in merged
 
 

@@ -131,32 +131,32 @@ def test_the_position_of_an_object_may_be_missing(pos: str, missing: set[str]) -
     ],
 )
 def test_height_of_a_surface_is_missing_by_any_of_its_numbers(surface: str) -> None:
-    found = scene(surface + cup('mass="1" friction="1"', pos="0.5 0 0.35"))
-    assert [str(parameter) for parameter in found.missing] == ["table.height"]
-    assert found.surfaces["table"].top_z() == pytest.approx(0.30)
-    assert found.priors[found.missing[0]] == pytest.approx((0.30,))
+    model = scene(surface + cup('mass="1" friction="1"', pos="0.5 0 0.35"))
+    assert [str(parameter) for parameter in model.missing] == ["table.height"]
+    assert model.surfaces["table"].top_z() == pytest.approx(0.30)
+    assert model.priors[model.missing[0]] == pytest.approx((0.30,))
 
 
 def test_a_stated_height_is_known() -> None:
-    found = scene(
+    model = scene(
         '<geom name="floor" type="plane" size="0 0 1"/>'
         '<body name="table" pos="0.5 0 0.4"><geom type="box" size="0.3 0.3 0.02"/></body>'
     )
-    assert found.missing == ()
-    assert {n: s.known["height"] for n, s in found.surfaces.items()} == {
+    assert model.missing == ()
+    assert {n: s.known["height"] for n, s in model.surfaces.items()} == {
         "floor": pytest.approx((0,)),
         "table": pytest.approx((0.42,)),
     }
 
 
 def test_walls_balls_and_nameless_bodies_are_no_surfaces() -> None:
-    found = scene(
+    model = scene(
         '<geom name="wall" type="box" size="0.01 0.5 0.5"/><geom name="ball" type="sphere" size="0.2"/>'
         '<geom type="box" size="0.3 0.3 0.1"/>'
         '<body name="goal" mocap="true"><geom type="box" size=".2 .2 .1"/></body>'
         '<geom name="ramp" type="box" size="0.3 0.3 0.1" euler="0 30 0"/>'
     )
-    assert dict(found.surfaces) == {}
+    assert dict(model.surfaces) == {}
 
 
 def test_a_narrow_stand_is_a_surface_when_something_stands_on_it() -> None:
@@ -173,26 +173,26 @@ DRIVEN = """<actuator><motor name="m1" joint="j1"/></actuator><sensor><jointpos 
 
 
 def test_a_robot_in_the_scene_is_neither_object_nor_surface_and_marks_the_base() -> None:
-    found = scene(ARM + cup(""), after=DRIVEN)
-    assert list(found.bodies) == ["cup"]
-    assert found.pose_world_base.position == pytest.approx([0.1, 0.2, 0.3])
-    assert found.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0])
-    model = found.spec().compile()
+    result = scene(ARM + cup(""), after=DRIVEN)
+    assert list(result.bodies) == ["cup"]
+    assert result.pose_world_base.position == pytest.approx([0.1, 0.2, 0.3])
+    assert result.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0])
+    model = result.spec().compile()
     assert {model.body(i).name for i in range(model.nbody)} == {"world", "cup"}
     assert (model.nu, model.nsensor, model.nkey, model.nexclude) == (0, 0, 0, 0)
 
 
 def test_a_robot_on_a_table_leaves_the_table() -> None:
     table = f'<body name="table" pos="0 0 0.4"><geom type="box" size="0.5 0.5 0.02"/>{ARM}</body>'
-    found = scene(table + cup("", pos="0.3 0 0.47"), after=DRIVEN)
-    assert list(found.bodies) == ["table", "cup"]
+    model = scene(table + cup("", pos="0.3 0 0.47"), after=DRIVEN)
+    assert list(model.bodies) == ["table", "cup"]
 
 
 def test_the_mount_below_the_arm_is_no_surface() -> None:
     mount = '<geom name="mount" type="box" size="0.1 0.1 0.2" pos="0 0 0.2"/><site name="robot_base" pos="0 0 0.4"/>'
-    found = scene(mount + cup(""))
-    assert list(found.bodies) == ["cup"]
-    assert found.pose_world_base.position == pytest.approx([0, 0, 0.4])
+    model = scene(mount + cup(""))
+    assert list(model.bodies) == ["cup"]
+    assert model.pose_world_base.position == pytest.approx([0, 0, 0.4])
 
 
 def test_driven_by_a_tendon_is_a_robot_too() -> None:
@@ -214,9 +214,9 @@ OVEN = "".join(f'<body name="part_{i}"><joint/><geom size=".02"/></body>' for i 
     ],
 )
 def test_furniture_with_many_joints_is_no_robot(inside: str) -> None:
-    found = scene(inside + cup(""))
-    assert found.resolved.description.roles.robots == []
-    assert list(found.objects) == ["cup"]
+    model = scene(inside + cup(""))
+    assert model.resolved.description.roles.robots == []
+    assert list(model.objects) == ["cup"]
 
 
 def test_an_arm_that_nothing_drives_is_known_by_its_hand() -> None:
@@ -250,9 +250,9 @@ def test_the_user_decides_where_a_robot_begins() -> None:
 
 
 def test_a_cupboard_with_a_door_is_left_standing() -> None:
-    found = scene(ARM + cup(""))
-    assert list(found.objects) == ["cup"]
-    assert found.spec().compile().body("link1").name == "link1"
+    model = scene(ARM + cup(""))
+    assert list(model.objects) == ["cup"]
+    assert model.spec().compile().body("link1").name == "link1"
 
 
 @pytest.mark.parametrize(
@@ -311,10 +311,10 @@ def test_a_plane_without_a_name_is_the_floor() -> None:
 def test_a_free_body_without_a_name_is_named_after_its_shape() -> None:
     ball = '<body pos="0.5 {y} 0.27"><freejoint/><geom size=".03"/></body>'
     mug = '<body pos="0.5 0.3 0.27"><freejoint/><geom name="mug" type="box" size=".03 .03 .05"/></body>'
-    found = scene(ball.format(y=0) + ball.format(y=0.2) + mug)
-    assert list(found.objects) == ["sphere", "sphere_2", "mug"]
-    assert found.spec().compile().body("sphere_2").name == "sphere_2"
-    assert 'name="sphere_2"' not in found.text
+    model = scene(ball.format(y=0) + ball.format(y=0.2) + mug)
+    assert list(model.objects) == ["sphere", "sphere_2", "mug"]
+    assert model.spec().compile().body("sphere_2").name == "sphere_2"
+    assert 'name="sphere_2"' not in model.text
 
 
 @pytest.mark.parametrize(
@@ -335,8 +335,11 @@ def test_the_first_copy_represents_all_copies(opening: str, name: str) -> None:
     text = (
         f"<mujoco><worldbody>{opening}{cup('').replace('cup', 'mug')}{closing}</worldbody></mujoco>"
     )
-    found = parse_scene(text)
-    assert [str(parameter) for parameter in found.missing] == [f"{name}.mass", f"{name}.friction"]
+    parsed_scene = parse_scene(text)
+    assert [str(parameter) for parameter in parsed_scene.missing] == [
+        f"{name}.mass",
+        f"{name}.friction",
+    ]
     twin = inject(text, {Parameter(name, "mass"): (0.2,), Parameter(name, "friction"): (0.3,)})
     model = mujoco.MjModel.from_xml_string(twin)
     assert model.body_mass[1:] == pytest.approx([0.2] * (model.nbody - 1))
@@ -377,14 +380,14 @@ def attaching(folder: Path, sub: str) -> Scene:
 
 
 def test_an_attached_robot_makes_way_and_what_else_is_attached_stays(tmp_path: Path) -> None:
-    found = attaching(tmp_path, SHELF.format(""))
-    assert found.pose_world_base.position == pytest.approx([0.1, 0.5, 0])
-    model = found.spec().compile()
+    result = attaching(tmp_path, SHELF.format(""))
+    assert result.pose_world_base.position == pytest.approx([0.1, 0.5, 0])
+    model = result.spec().compile()
     assert [model.body(i).name for i in range(model.nbody)] == ["world", "s_shelf", "s_tin"]
     assert (model.nu, model.nexclude) == (0, 0)
-    lines = remarks(found)
+    lines = remarks(result)
     assert lines[0].startswith("Robot removed: 'panda'")
-    assert [body.role for body in found.bodies.values()] == ["surface", "object"]
+    assert [body.role for body in result.bodies.values()] == ["surface", "object"]
 
 
 def test_a_robot_of_a_whole_attached_world_stands_where_that_has_it(tmp_path: Path) -> None:
@@ -393,29 +396,29 @@ def test_a_robot_of_a_whole_attached_world_stands_where_that_has_it(tmp_path: Pa
         .replace("</worldbody>", "</frame></worldbody>")
         .replace('pos="0.1 0 0"', 'pos="0.1 0 0" euler="0 0 1.570796"')
     )
-    found = parse_scene(
+    parsed_scene = parse_scene(
         """<mujoco><asset><model file="panda.xml"/></asset>
         <worldbody><attach model="panda" prefix="p_"/></worldbody></mujoco>""",
         tmp_path,
     )
-    assert found.pose_world_base.position == pytest.approx([0.1, 0, 1])
-    assert found.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0], abs=1e-6)
+    assert parsed_scene.pose_world_base.position == pytest.approx([0.1, 0, 1])
+    assert parsed_scene.pose_world_base.rotation[:, 0] == pytest.approx([0, 1, 0], abs=1e-6)
 
 
 def test_the_first_attachment_represents_all_attachments(tmp_path: Path) -> None:
     (tmp_path / "shelf.xml").write_text(SHELF.format(""))
-    found = parse_scene(
+    parsed_scene = parse_scene(
         """<mujoco><asset><model name="s" file="shelf.xml"/></asset><worldbody>
         <attach model="s" body="tin" prefix="a_"/><frame pos="0 1 0">
         <attach model="s" body="tin" prefix="b_"/></frame></worldbody></mujoco>""",
         tmp_path,
     )
-    assert list(found.bodies) == ["a_tin"]
-    assert any("not at 'b_tin'" in line for line in remarks(found))
+    assert list(parsed_scene.bodies) == ["a_tin"]
+    assert any("not at 'b_tin'" in line for line in remarks(parsed_scene))
 
 
 def test_an_unknown_in_an_attached_model_is_one_of_the_scene(tmp_path: Path) -> None:
-    found = attaching(tmp_path, SHELF.format('mass="?" friction="0.4"'))
-    assert found.missing == (Parameter("s_tin", "mass"),)
+    model = attaching(tmp_path, SHELF.format('mass="?" friction="0.4"'))
+    assert model.missing == (Parameter("s_tin", "mass"),)
     with pytest.raises(InputError, match=r"<geom>.*cannot be measured"):
         attaching(tmp_path, SHELF.format('margin="?"'))

@@ -28,14 +28,14 @@ def test_shapes_have_the_volume_and_extents_of_mujoco(
     kind: str, size: tuple[float, float, float]
 ) -> None:
     numbers = " ".join(str(s) for s in size[: KINDS[kind]])
-    found = shapes(
+    model = shapes(
         f'<body><freejoint/><geom type="{kind}" size="{numbers}" density="1"/></body>'.replace(
             "<body>", '<body name="b">'
         )
     )
-    assert geom_volume(found.model, 0) == pytest.approx(float(found.model.body_mass[1]), rel=1e-6)
-    points = hull_points(found.model, 0)
-    half = found.model.geom_aabb[0][3:]
+    assert geom_volume(model.model, 0) == pytest.approx(float(model.model.body_mass[1]), rel=1e-6)
+    points = hull_points(model.model, 0)
+    half = model.model.geom_aabb[0][3:]
     assert points.max(axis=0) == pytest.approx(half, rel=1e-6)
     assert points.min(axis=0) == pytest.approx(-half, rel=1e-6)
 
@@ -44,11 +44,11 @@ def test_shapes_have_the_volume_and_extents_of_mujoco(
 def test_edges_hold_the_hull_together(kind: str) -> None:
     """Between any two heights, the edges' crossings reach as far out as all pairs of points
     would."""
-    found = shapes(
+    model = shapes(
         f'<geom type="{kind}" size="{" ".join(["0.05", "0.08", "0.03"][: KINDS[kind]])}" euler="20 30 0"/>'
     )
-    points = found.geom_points(0)
-    edges = hull_edges(int(found.model.geom_type[0]), len(points))
+    points = model.geom_points(0)
+    edges = hull_edges(int(model.model.geom_type[0]), len(points))
     every = np.column_stack(np.triu_indices(len(points), 1))
 
     def reach(pairs: np.ndarray, level: float) -> np.ndarray:
@@ -64,22 +64,22 @@ def test_edges_hold_the_hull_together(kind: str) -> None:
 
 def test_a_mesh_is_where_its_file_says() -> None:
     vertices = "0 0 0 .1 0 0 0 .1 0 0 0 .1"
-    found = shapes(
+    model = shapes(
         '<body name="b" pos="1 2 3"><freejoint/><geom type="mesh" mesh="m"/></body>',
         f'<asset><mesh name="m" vertex="{vertices}" face="0 2 1 0 1 3 0 3 2 1 2 3"/></asset>',
     )
-    assert found.geom_points(0).min(axis=0) == pytest.approx([1, 2, 3], abs=1e-6)
-    assert found.geom_points(0).max(axis=0) == pytest.approx([1.1, 2.1, 3.1], abs=1e-6)
-    assert geom_volume(found.model, 0) == pytest.approx(0.1**3 / 6, rel=1e-5)
+    assert model.geom_points(0).min(axis=0) == pytest.approx([1, 2, 3], abs=1e-6)
+    assert model.geom_points(0).max(axis=0) == pytest.approx([1.1, 2.1, 3.1], abs=1e-6)
+    assert geom_volume(model.model, 0) == pytest.approx(0.1**3 / 6, rel=1e-5)
 
 
 def test_planes_without_a_size_are_wide() -> None:
-    found = shapes('<geom type="plane" size="0 0.5 1" pos="0 0 0.2"/>')
-    extent = found.geom_points(0).max(axis=0) - found.geom_points(0).min(axis=0)
+    model = shapes('<geom type="plane" size="0 0.5 1" pos="0 0 0.2"/>')
+    extent = model.geom_points(0).max(axis=0) - model.geom_points(0).min(axis=0)
     assert extent[0] > 10
     assert extent[1:] == pytest.approx([1, 0])
-    assert found.solid_geoms() == []
-    assert found.model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
+    assert model.solid_geoms() == []
+    assert model.model.geom_type[0] == mujoco.mjtGeom.mjGEOM_PLANE
 
 
 def test_warnings_of_mujoco_are_logged_and_no_file_is_written(

@@ -57,7 +57,7 @@ def test_an_estimate_made_meanwhile_is_that_of_the_end() -> None:
 def test_a_further_attempt_begins_no_estimate() -> None:
     """It has a recorder of its own, which begins empty and holds a part of the evidence."""
     mass, context = Parameter("mug", "mass"), SimpleNamespace(holding="mug")
-    made: Any = SimpleNamespace(
+    result: Any = SimpleNamespace(
         plan=SimpleNamespace(parameters=[mass]), scene=SimpleNamespace(objects={"mug": None})
     )
 
@@ -67,7 +67,7 @@ def test_a_further_attempt_begins_no_estimate() -> None:
     def recorded(*leaves: LeafRun) -> Any:
         return SimpleNamespace(leaves=list(leaves), recordings=[], conversions=[])
 
-    ahead = Ahead(made, None)
+    ahead = Ahead(result, None)
     for recorder in (recorded(leaf(1.0)), recorded(), recorded(leaf(1.0, context), leaf(99.0))):
         ahead.look(recorder)
     assert not ahead.begun

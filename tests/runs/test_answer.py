@@ -24,7 +24,7 @@ SHELF = """<mujoco><worldbody>
 
 def run_with(request: str, **masses: float | None) -> pp.Run:
     """A run that measured these masses, kg, to 1 g; None is one without a value."""
-    made = pp.load(SHELF).plan("the mass of the novel and the glass").run_so_far
+    result = pp.load(SHELF).plan("the mass of the novel and the glass").run_so_far
     estimates: list[pp.Estimate] = []
     for name, mass in masses.items():
         parameter = pp.Parameter(name, "mass")
@@ -32,8 +32,8 @@ def run_with(request: str, **masses: float | None) -> pp.Run:
             estimates.append(not_identified(parameter, "kg", "It slipped."))
         else:
             estimates.append(pp.Estimate.normal(parameter, "kg", mass, 0.001, "weighed"))
-    settings = replace(made.settings, request=request)
-    return replace(made, settings=settings, estimates=tuple(estimates))  # type: ignore[return-value]
+    settings = replace(result.settings, request=request)
+    return replace(result, settings=settings, estimates=tuple(estimates))  # type: ignore[return-value]
 
 
 @pytest.mark.parametrize(
@@ -48,27 +48,27 @@ def run_with(request: str, **masses: float | None) -> pp.Run:
 )
 def test_a_comparison_is_answered_with_its_figures(request_: str, said: str) -> None:
     masses = {"novel": 0.166} if "brick" in request_ else {"novel": 0.166, "glass": 0.151}
-    found = answer(run_with(request_, **masses))
-    assert found is not None
-    assert found.startswith(said)
-    assert "kg (p < 1e-06)" in found
+    reply = answer(run_with(request_, **masses))
+    assert reply is not None
+    assert reply.startswith(said)
+    assert "kg (p < 1e-06)" in reply
 
 
 def test_a_comparison_of_close_or_unidentified_values_stays_open() -> None:
     request = "Is the novel heavier than the glass?"
     assert "too close to tell" in str(answer(run_with(request, novel=0.1511, glass=0.151)))
-    found = answer(run_with(request, novel=0.166, glass=None))
-    assert found == "open: the mass of glass is not identified"
+    reply = answer(run_with(request, novel=0.166, glass=None))
+    assert reply == "open: the mass of glass is not identified"
 
 
 def test_a_value_at_its_bound_is_compared_without_it() -> None:
     """A feather's mass is not identified, but it is surely less than that of the other."""
     run = run_with("Is the novel heavier than the glass?", novel=0.166, glass=-0.0003)
-    limited = [one.bounded((0.0, math.inf)) for one in run.estimates]
-    assert [one.verdict for one in limited] == ["identified", "prior-dominated"]
-    found = answer(replace(run, estimates=tuple(limited)))
-    assert found is not None
-    assert found.startswith("yes: novel 0.1660 ± 0.0010 against glass -0.0003 ± 0.0010 kg")
+    limited = [item.bounded((0.0, math.inf)) for item in run.estimates]
+    assert [item.verdict for item in limited] == ["identified", "prior-dominated"]
+    reply = answer(replace(run, estimates=tuple(limited)))
+    assert reply is not None
+    assert reply.startswith("yes: novel 0.1660 ± 0.0010 against glass -0.0003 ± 0.0010 kg")
 
 
 def test_a_request_that_compares_nothing_has_no_answer() -> None:
@@ -87,9 +87,9 @@ def test_a_request_that_compares_nothing_has_no_answer() -> None:
     ],
 )
 def test_yes_and_no_are_said_of_questions_that_name_both_sides(request_: str, said: str) -> None:
-    found = answer(run_with(request_, red_can=0.2, green_can=0.3))
-    assert found is not None
-    assert found.startswith(said)
+    reply = answer(run_with(request_, red_can=0.2, green_can=0.3))
+    assert reply is not None
+    assert reply.startswith(said)
 
 
 def test_values_that_the_scene_states_are_compared_with_measured_ones_alone() -> None:
@@ -122,8 +122,8 @@ def test_a_value_is_compared_with_an_amount(request_: str, said: str) -> None:
 
 
 def test_each_object_is_compared_with_an_amount() -> None:
-    found = answer(run_with("Which objects weigh more than 160 g?", novel=0.166, glass=0.151))
-    yes, no = str(found).split("; ")
+    reply = answer(run_with("Which objects weigh more than 160 g?", novel=0.166, glass=0.151))
+    yes, no = str(reply).split("; ")
     assert yes.startswith("yes: novel 0.1660")
     assert no.startswith("no: 0.16 against glass 0.1510")
 
@@ -137,14 +137,14 @@ def test_each_object_is_compared_with_an_amount() -> None:
     ],
 )
 def test_a_sum_has_an_interval(request_: str) -> None:
-    found = answer(run_with(request_, novel=0.166, glass=0.151))
-    assert found == "together: novel and glass 0.3170 ± 0.0014 kg, 95 % [0.3142, 0.3198]"
+    reply = answer(run_with(request_, novel=0.166, glass=0.151))
+    assert reply == "together: novel and glass 0.3170 ± 0.0014 kg, 95 % [0.3142, 0.3198]"
 
 
 def test_errors_that_the_parts_of_a_sum_share_add_up() -> None:
     run = run_with("What do the novel and the glass weigh together?", novel=0.166, glass=0.151)
     gain = Shared("gain", "arm", (0.001,))
-    shared = replace(run, estimates=tuple(replace(one, shared=(gain,)) for one in run.estimates))
+    shared = replace(run, estimates=tuple(replace(item, shared=(gain,)) for item in run.estimates))
     assert "0.3170 ± 0.0020 kg" in str(answer(shared))
 
 

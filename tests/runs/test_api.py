@@ -133,9 +133,11 @@ def test_a_question_is_answered() -> None:
 
 
 def test_a_run_reports_its_stages(tmp_path: Path) -> None:
-    told: list[str] = []
-    pp.run(DESK, "how heavy is the mug?", noise="none", out=tmp_path / "run", progress=told.append)
-    assert (told[0], told[-1]) == ("planning", "writing the report")
+    messages: list[str] = []
+    pp.run(
+        DESK, "how heavy is the mug?", noise="none", out=tmp_path / "run", progress=messages.append
+    )
+    assert (messages[0], messages[-1]) == ("planning", "writing the report")
 
 
 def test_drawn_values_do_not_look_measured(tmp_path: Path) -> None:
@@ -252,12 +254,12 @@ def test_blas_is_limited_while_a_plan_runs_and_as_the_user_left_it_after() -> No
 
 
 def test_a_plan_runs_in_a_cell_that_is_handed_over() -> None:
-    told: list[str] = []
+    messages: list[str] = []
     cell = pp.SimulatedCell(pp.load(WORLD), noise="none")
-    run = pp.load(DESK).plan(REQUEST).run(cell, progress=told.append, fast=True)
+    run = pp.load(DESK).plan(REQUEST).run(cell, progress=messages.append, fast=True)
     assert run["mug.mass"].values == pytest.approx([0.34], rel=0.01)
     assert run.truth[MASS] == (0.34,)
-    assert told[:2] == ["executing on the simulated robot", "estimating"]
+    assert messages[:2] == ["executing on the simulated robot", "estimating"]
 
 
 @pytest.mark.long
@@ -404,7 +406,7 @@ def test_a_requested_parameter_that_no_plan_measures_leaves_the_run_incomplete(
     assert plan.parameters == (MASS,)
     run = plan.run(noise="none", out=tmp_path / "run", fast=True)
     assert run.status == "failed"
-    assert [one.verdict for one in run.estimates] == ["identified", "not identified"]
+    assert [item.verdict for item in run.estimates] == ["identified", "not identified"]
     assert "200 mm wide" in run["crate.mass"].method
     (line,) = run.shortfalls
     assert line.startswith("crate.mass: The mass of 'crate' cannot be measured: 'crate' cannot be")
@@ -412,7 +414,7 @@ def test_a_requested_parameter_that_no_plan_measures_leaves_the_run_incomplete(
     assert "crate.mass unknown; crate.mass: The mass of 'crate' cannot be measured" in repr(run)
     again = pp.open(tmp_path / "run")
     assert (repr(again), again.shortfalls, again.plan) == (repr(run), run.shortfalls, run.plan)
-    assert [one.verdict for one in again.estimate().estimates] == ["identified", "not identified"]
+    assert [item.verdict for item in again.estimate().estimates] == ["identified", "not identified"]
     # The plan's file says so, too.
     replayed = pp.run(CRATE, planner=f"replay:{tmp_path / 'run'}", noise="none", fast=True)
     assert replayed.status == "failed"
@@ -447,9 +449,9 @@ def test_a_property_that_nothing_measures_leaves_the_run_incomplete() -> None:
 
 def test_why_several_quantities_of_one_object_cannot_be_measured_is_said_of_each() -> None:
     plan = pp.load(CRATE).plan(measure="crate.mass,crate.friction,mug.mass")
-    (one,) = plan.unmeasured
-    assert [str(parameter) for parameter in one.parameters] == ["crate.mass", "crate.friction"]
-    assert "200 mm wide" in one.reason
+    (item,) = plan.unmeasured
+    assert [str(parameter) for parameter in item.parameters] == ["crate.mass", "crate.friction"]
+    assert "200 mm wide" in item.reason
 
 
 def test_the_twin_is_text_a_model_and_a_file(done: pp.Run, tmp_path: Path) -> None:
@@ -529,10 +531,10 @@ def test_a_folder_is_made_where_one_is_asked_for(tmp_path: Path) -> None:
 
 
 def test_everything_answers_in_one_short_line(done: pp.Run) -> None:
-    things = (done, done.scene, done.plan, done.trace, done.twin, done.estimates[0], MASS)
-    for thing in (*things, pp.load(DESK).plan(REQUEST), pp.load(DESK).arm):
-        assert "\n" not in repr(thing)
-        assert len(repr(thing)) < 160
+    bodies = (done, done.scene, done.plan, done.trace, done.twin, done.estimates[0], MASS)
+    for item in (*bodies, pp.load(DESK).plan(REQUEST), pp.load(DESK).arm):
+        assert "\n" not in repr(item)
+        assert len(repr(item)) < 160
 
 
 def test_a_notebook_shows_small_tables_and_escapes_text_of_the_user(done: pp.Run) -> None:
@@ -541,8 +543,8 @@ def test_a_notebook_shows_small_tables_and_escapes_text_of_the_user(done: pp.Run
     shown = scene._repr_html_()
     assert shown.startswith("<table>")
     assert "<b>" not in shown
-    for thing in (done, done.trace, done.twin, scene.plan(), done.estimates[0]):
-        assert "<table>" in thing._repr_html_()  # type: ignore[union-attr]
+    for item in (done, done.trace, done.twin, scene.plan(), done.estimates[0]):
+        assert "<table>" in item._repr_html_()  # type: ignore[union-attr]
 
 
 def test_every_public_name_is_there_and_has_a_docstring() -> None:

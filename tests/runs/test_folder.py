@@ -66,14 +66,14 @@ def test_a_place_that_cannot_be_written_is_named(tmp_path: Path) -> None:
 
 def test_the_default_is_free(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
-    made = []
+    rows = []
     for _ in range(3):
         folder = default_folder("bottle")
         assert folder.parent == Path("runs")
         assert folder.name.startswith("bottle-")
         folder.mkdir(parents=True)
-        made.append(folder)
-    assert len(set(made)) == 3
+        rows.append(folder)
+    assert len(set(rows)) == 3
     assert default_folder("").name.startswith("run-2")
 
 

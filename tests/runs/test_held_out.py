@@ -43,9 +43,9 @@ def run() -> pp.Run:
 def judged(trace: Trace | None, mass: float, x: float | None = None) -> HeldOutMotion:
     """The motion that was held out, by a scene that states the mug's mass."""
     assert trace is not None
-    found = held_out(parse_scene(text(mass, x)), trace, ())
-    assert found is not None
-    return found.motions[0]
+    motions = held_out(parse_scene(text(mass, x)), trace, ())
+    assert motions is not None
+    return motions.motions[0]
 
 
 def test_the_way_down_is_predicted_from_the_recordings_before(run: pp.Run) -> None:
@@ -71,10 +71,10 @@ def test_the_prediction_uses_no_sample_of_the_held_out_motion(run: pp.Run) -> No
     inside = (samples.t >= motion.start) & (samples.t <= motion.end)
     torques[inside] *= 1.1
     heavier = replace(run.trace, samples=replace(samples, tau_ext=torques))
-    found = held_out(run.scene, heavier, run.estimates)
-    assert found is not None
-    assert not found.agrees
-    assert "heavier than the twin predicts" in found.motions[0].disagreement
+    motions = held_out(run.scene, heavier, run.estimates)
+    assert motions is not None
+    assert not motions.agrees
+    assert "heavier than the twin predicts" in motions.motions[0].disagreement
 
 
 def test_a_mass_that_is_a_tenth_off_is_found(run: pp.Run) -> None:
@@ -151,12 +151,12 @@ def test_other_estimates_of_an_object_do_not_affect_the_test_of_its_weight(
 ) -> None:
     """One that is not identified without the held-out motion leaves the mass as it was."""
     other = replace(run["mug.mass"], parameter=Parameter("mug", quantity))
-    found = held_out(run.scene, run.trace, (other,))
-    assert found is not None
-    assert found.notes == ()
-    assert found.motions[0].agrees
+    motions = held_out(run.scene, run.trace, (other,))
+    assert motions is not None
+    assert motions.notes == ()
+    assert motions.motions[0].agrees
     assert run.held_out is not None
-    assert found.motions[0].weight == pytest.approx(run.held_out.motions[0].weight, abs=0.002)
+    assert motions.motions[0].weight == pytest.approx(run.held_out.motions[0].weight, abs=0.002)
 
 
 def test_a_centre_of_mass_along_gravity_is_judged_by_the_balance(run: pp.Run) -> None:
@@ -168,10 +168,10 @@ def test_a_centre_of_mass_along_gravity_is_judged_by_the_balance(run: pp.Run) ->
 
 
 def test_a_mass_that_is_not_identified_without_the_motion_says_so(run: pp.Run) -> None:
-    (recording,) = (one for one in run.trace.recordings if one.context.activity == "still")
+    (recording,) = (item for item in run.trace.recordings if item.context.activity == "still")
     vague = replace(run.trace, recordings=(replace(recording, end=recording.start + 0.02),))
-    found = held_out(run.scene, vague, run.estimates)
-    assert found is not None
-    assert found.notes == (
+    motions = held_out(run.scene, vague, run.estimates)
+    assert motions is not None
+    assert motions.notes == (
         "mug: without the way down with the mug, after it was measured, its mass is not identified",
     )

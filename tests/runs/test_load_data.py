@@ -30,15 +30,15 @@ TENSOR = TURN.as_matrix() @ np.diag([1e-3, 2e-3, 2.5e-3]) @ TURN.as_matrix().T
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> pp.Run:
     """A load on a sensor, with exact values and a turned inertia."""
-    made = estimate(tmp_path_factory.mktemp("run"), record())
+    result = estimate(tmp_path_factory.mktemp("run"), record())
     values = {"mass": [MASS], "com": COM, "inertia": components(TENSOR)}
     exact = [
         Estimate.normal(
-            Parameter("load", quantity), made[f"load.{quantity}"].unit, value, np.full(len(value), std), ""
+            Parameter("load", quantity), result[f"load.{quantity}"].unit, value, np.full(len(value), std), ""
         )
         for (quantity, value), std in zip(values.items(), (0.004, 1e-3, 1e-5), strict=True)
     ]  # fmt: skip
-    return replace(made, estimates=tuple(exact))
+    return replace(result, estimates=tuple(exact))
 
 
 def numbers(text: str) -> list[float]:
@@ -84,12 +84,12 @@ def test_load_data_are_written_for_universal_robots(run: pp.Run) -> None:
 def test_load_data_are_written_for_kuka(run: pp.Run) -> None:
     """The principal axes by A, B and C, and their moments, give the tensor back."""
     line = run.load_data("kuka").splitlines()[-1]
-    found = re.fullmatch(
+    match = re.fullmatch(
         r"LOAD_DATA\[1\]=\{M (.*),CM \{X (.*),Y (.*),Z (.*),A (.*),B (.*),C (.*)\},J \{X (.*),Y (.*),Z (.*)\}\}",
         line,
     )
-    assert found is not None
-    mass, x, y, z, a, b, c, *moments = (float(part) for part in found.groups())
+    assert match is not None
+    mass, x, y, z, a, b, c, *moments = (float(part) for part in match.groups())
     assert (mass, x, y, z) == (0.4, 10.0, -6.0, 30.0)
     axes = Rotation.from_euler("ZYX", [a, b, c], degrees=True).as_matrix()
     np.testing.assert_allclose(axes @ np.diag(moments) @ axes.T, TENSOR, atol=1e-9)
@@ -156,7 +156,7 @@ def test_a_name_with_line_breaks_stays_in_its_comment(run: pp.Run, to: str) -> N
     """A scene's text may contain `name="cup&#10;halt()"`: a controller must not read its second line."""
     name = "cup\nhalt()\u2028halt()"
     renamed = [
-        replace(one, parameter=Parameter(name, one.parameter.quantity)) for one in run.estimates
+        replace(item, parameter=Parameter(name, item.parameter.quantity)) for item in run.estimates
     ]
     plain = run.load_data(to).splitlines()
     lines = replace(run, estimates=tuple(renamed)).load_data(to).splitlines()

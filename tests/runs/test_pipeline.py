@@ -52,8 +52,8 @@ def test_folder_is_complete(folder: Path) -> None:
 def test_result_is_the_contract(folder: Path) -> None:
     result = json.loads((folder / "result.json").read_text(encoding="utf-8"))
     assert result["status"] == "complete"
-    found = {(p["object"], p["quantity"]): p for p in result["parameters"]}
-    mass, height = found["bottle", "mass"], found["table", "height"]
+    by_name = {(p["object"], p["quantity"]): p for p in result["parameters"]}
+    mass, height = by_name["bottle", "mass"], by_name["table", "height"]
     assert mass["unit"] == "kg"
     assert mass["verdict"] == "identified"
     assert abs(mass["value"] - 0.254) < 0.006
@@ -116,20 +116,20 @@ def test_every_stage_can_start_from_the_folder(folder: Path, tmp_path: Path) -> 
 
 
 def test_values_are_shown_before_twin_film_and_report() -> None:
-    told: list[str] = []
+    messages: list[str] = []
     settings = scenario("one_missing_mass").settings(fast=True)
-    made = pipeline.plan(settings, pipeline.load(settings))
+    planned_run = pipeline.plan(settings, pipeline.load(settings))
 
     def measured(run: Run) -> None:
         assert run.finished is None
-        told.extend(str(estimate.parameter) for estimate in run.estimates)
+        messages.extend(str(estimate.parameter) for estimate in run.estimates)
 
-    run = pipeline.carry_out(made, RunCallbacks(progress=told.append, measured=measured))
-    assert told.index("green_bottle.mass") < told.index("building the twin")
+    run = pipeline.carry_out(planned_run, RunCallbacks(progress=messages.append, measured=measured))
+    assert messages.index("green_bottle.mass") < messages.index("building the twin")
     assert run.twin.validation is not None
     assert run.twin.validation.settled
     assert run.twin.validation.twin == NOT_REPLAYED
-    assert "validating the twin in simulation" not in told
+    assert "validating the twin in simulation" not in messages
 
 
 def test_interrupt_puts_the_bottle_down(tmp_path: Path) -> None:

@@ -37,7 +37,7 @@ def test_a_quantity_hinted_at_in_a_request_is_noted_and_overrules_nothing(
     request_: str, noted: bool
 ):
     settings = Settings(scene=Path("desk.xml"), request=request_, planner="openai:m")
-    made = planning.plan(settings, bench(BOTTLE), Author())
-    assert made.plan.parameters == WEIGHED.parameters
-    said = "By its words the request asks for bottle.com"
-    assert any(note.startswith(said) for note in made.plan.notes) == noted
+    result = planning.plan(settings, bench(BOTTLE), Author())
+    assert result.plan.parameters == WEIGHED.parameters
+    text = "By its words the request asks for bottle.com"
+    assert any(note.startswith(text) for note in result.plan.notes) == noted

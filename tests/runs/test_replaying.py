@@ -42,8 +42,10 @@ def tried(
     monkeypatch.setattr(replaying, "replay_parts", recorded)
     again = replay_of(run.plan, run.scene, run.trace, run.estimates)
     assert again is not None
-    found = again(run.twin.scene)
-    assert not found or np.abs(np.subtract(found, mean_recordings(run.trace))).max() < 0.05  # N, m
+    result = again(run.twin.scene)
+    assert (
+        not result or np.abs(np.subtract(result, mean_recordings(run.trace))).max() < 0.05
+    )  # N, m
     return asked
 
 

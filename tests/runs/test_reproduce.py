@@ -15,7 +15,7 @@ from palpate.studies.scenarios.catalogue import scenario
 def test_the_command_states_only_other_values_than_the_defaults() -> None:
     plain = Settings(scene=Path("desk.xml"))
     assert run_command(plain) == ["palpate", "run", "--scene", "desk.xml"]
-    told = Settings(
+    message = Settings(
         request="how heavy is the mug?",
         scene=Path("desk.xml"),
         images=(Path("a.png"), Path("b.png")),
@@ -27,7 +27,7 @@ def test_the_command_states_only_other_values_than_the_defaults() -> None:
         within=Within((("mass", 0.001),)),
         model_settings=ModelSettings(native=True),
     )
-    assert shlex.join(run_command(told)) == (
+    assert shlex.join(run_command(message)) == (
         "palpate run --scene desk.xml -r 'how heavy is the mug?' --image a.png --image b.png "
         "--robot-body base --robot-body tool --planner openai:gpt --within mass=0.001 --cautious "
         "--no-rehearse --on-failure skip --native"
@@ -36,21 +36,21 @@ def test_the_command_states_only_other_values_than_the_defaults() -> None:
 
 def test_a_plan_is_executed_in_its_scene() -> None:
     settings = Settings(scene=Path("desk.xml"), poses=Path("poses.yaml"), seed=3)
-    said = " ".join(execute_command(settings, Path("plan.json")))
-    assert said == "palpate execute plan.json --scene desk.xml --poses poses.yaml --seed 3"
+    text = " ".join(execute_command(settings, Path("plan.json")))
+    assert text == "palpate execute plan.json --scene desk.xml --poses poses.yaml --seed 3"
 
 
 def test_a_finished_run_says_noise_and_seed_and_where_its_files_are_from_there(
     tmp_path: Path,
 ) -> None:
     settings = Settings(scene=tmp_path / "desk.xml", planner=f"replay:{tmp_path / 'plan.json'}")
-    said = " ".join(reproduce_command(settings, tmp_path / "runs" / "desk"))
-    assert said == (
+    text = " ".join(reproduce_command(settings, tmp_path / "runs" / "desk"))
+    assert text == (
         "palpate run --scene ../../desk.xml --planner replay:../../plan.json --noise measured --seed 0"
     )
 
 
 def test_a_scenario_goes_by_its_name() -> None:
     settings = scenario("mishaps/slip").settings(seed=7)
-    said = " ".join(reproduce_command(settings))
-    assert said == "palpate demo mishaps/slip --planner symbolic --seed 7 --noise measured"
+    text = " ".join(reproduce_command(settings))
+    assert text == "palpate demo mishaps/slip --planner symbolic --seed 7 --noise measured"

@@ -71,22 +71,22 @@ def result(run: Run, folder: Path | None = None) -> dict[str, Any]:
 def test_a_noise_model_goes_by_its_own_name(tmp_path: Path) -> None:
     (tmp_path / "loud.yaml").write_text("name: loud one")
     asked = replace(COMPLETE.settings, noise=str(tmp_path / "loud.yaml"))
-    found = result_json(replace(COMPLETE, settings=asked), None)
-    assert found["provenance"]["noise"] == "loud one"
+    document = result_json(replace(COMPLETE, settings=asked), None)
+    assert document["provenance"]["noise"] == "loud one"
 
 
 def test_a_complete_run(tmp_path: Path) -> None:
-    found = result(COMPLETE, tmp_path / "run")
-    assert found["status"] == "complete"
-    assert found["request"] == "the mass of the cup"
-    assert found["plan"] == {
+    document = result(COMPLETE, tmp_path / "run")
+    assert document["status"] == "complete"
+    assert document["request"] == "the mass of the cup"
+    assert document["plan"] == {
         "planner": "symbolic",
         "actions": 3,
         "explanation": "The cup is weighed.",
         "notes": ["the friction is known"],
         "findings": [],
     }
-    assert found["execution"] == {
+    assert document["execution"] == {
         "actions": 3,
         "robot_seconds": 31.2,
         "wall_seconds": 4.0,
@@ -95,7 +95,7 @@ def test_a_complete_run(tmp_path: Path) -> None:
         "setbacks": ["bad luck"],
         "held": None,
     }
-    assert found["twin"] == {
+    assert document["twin"] == {
         "notes": ["a note"],
         "unwritten": [],
         "validation": {
@@ -105,13 +105,13 @@ def test_a_complete_run(tmp_path: Path) -> None:
             "residual_template": {"force_N": None, "position_m": None, "note": "stopped"},
         },
     }
-    assert found["provenance"] == {
+    assert document["provenance"] == {
         "palpate": __version__,
         "seed": 7,
         "noise": "measured",
         "world": None,
     }
-    assert found["files"] == {
+    assert document["files"] == {
         name: str(tmp_path / "run" / file)
         for name, file in (
             ("request", "request.json"),
@@ -126,35 +126,40 @@ def test_a_complete_run(tmp_path: Path) -> None:
 
 def test_a_rejection_has_no_execution_and_no_twin(tmp_path: Path) -> None:
     finding = Finding("tree.children[0]", "unreachable", "it is out of reach")
-    found = result(replace(REJECTED, findings=(finding,)), tmp_path)
-    assert (found["status"], found["parameters"], found["execution"], found["twin"]) == (
+    document = result(replace(REJECTED, findings=(finding,)), tmp_path)
+    assert (
+        document["status"],
+        document["parameters"],
+        document["execution"],
+        document["twin"],
+    ) == (
         "rejected",
         [],
         None,
         None,
     )
-    assert found["plan"]["findings"] == [
+    assert document["plan"]["findings"] == [
         {"path": "tree.children[0]", "rule": "unreachable", "message": "it is out of reach"}
     ]
-    assert set(found["files"]) == {"request", "plan", "report"}
+    assert set(document["files"]) == {"request", "plan", "report"}
 
 
 def test_a_pose_is_stated_by_sight_touch_and_both_and_a_contradiction_is_no_success() -> None:
     seen = Belief.of(Pose.of((0.5, 0.1, 0.4)), np.diag([1e-5] * 3 + [1e-4] * 3))
     along = np.array([1.0, 0.0, 0.0])
     felt = seen.update("probe", along, np.array([0.47, 0.1, 0.4]), 0.002)
-    found = result(replace(COMPLETE, beliefs={"cup": felt}))
-    assert found["status"] == "complete"
-    (pose,) = found["poses"]
+    document = result(replace(COMPLETE, beliefs={"cup": felt}))
+    assert document["status"] == "complete"
+    (pose,) = document["poses"]
     assert pose["object"] == "cup"
     assert pose["touch"][0]["apart"] == 0.002
     assert 0.0 < pose["both"]["pos"][0] - pose["sight"]["pos"][0] < 0.002
     assert pose["both"]["covariance"][0][0] < pose["sight"]["covariance"][0][0]
     assert belief_json("cup", belief_from(pose)) == belief_json("cup", felt)
     off = seen.update("probe", along, np.array([0.47, 0.1, 0.4]), 0.02)
-    found = result(replace(COMPLETE, beliefs={"cup": off}))
-    assert found["status"] == "failed"
-    assert "+20.0 ± 1.0 mm along +x" in found["poses"][0]["contradiction"]
+    document = result(replace(COMPLETE, beliefs={"cup": off}))
+    assert document["status"] == "failed"
+    assert "+20.0 ± 1.0 mm along +x" in document["poses"][0]["contradiction"]
 
 
 def test_a_rehearsal_is_in_the_result() -> None:
@@ -176,8 +181,8 @@ def test_a_result_without_a_folder_lists_no_files() -> None:
 
 
 def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
-    found = parameter_json(WEIGHED)
-    assert found == {
+    row = parameter_json(WEIGHED)
+    assert row == {
         "object": "cup",
         "quantity": "mass",
         "value": 0.2541,
@@ -211,28 +216,28 @@ def test_a_scalar_is_a_number_and_a_vector_a_list() -> None:
 
 def test_an_unobserved_component_has_its_own_verdict() -> None:
     com = Estimate(COM, "m", (0.1, 0.0, 0.2), (0.01,) * 3, ((0.0, 0.2),) * 3, "", (), unseen=(2,))
-    found = parameter_json(com)
-    assert found["verdict"] == "identified"
-    assert found["verdicts"] == ["identified", "identified", "prior-dominated"]
-    assert found["whole"] == "prior-dominated"
-    assert found["axes"] == {"x": "identified", "y": "identified", "z": "prior-dominated"}
-    assert estimate_from(found) == com
+    row = parameter_json(com)
+    assert row["verdict"] == "identified"
+    assert row["verdicts"] == ["identified", "identified", "prior-dominated"]
+    assert row["whole"] == "prior-dominated"
+    assert row["axes"] == {"x": "identified", "y": "identified", "z": "prior-dominated"}
+    assert estimate_from(row) == com
     guessed = parameter_json(replace(com, verdict="prior-dominated"))
     assert guessed["verdicts"] == ["prior-dominated"] * 3
 
 
 def test_a_value_at_a_bound_is_read_back_with_its_limit() -> None:
     light = Estimate.normal(MASS, "kg", -0.002, 0.004, "Weighed.").bounded((0.0, math.inf))
-    found = json.loads(json.dumps(parameter_json(light)))
-    assert (found["value"], found["bounds"], found["verdict"]) == (
+    document = json.loads(json.dumps(parameter_json(light)))
+    assert (document["value"], document["bounds"], document["verdict"]) == (
         -0.002,
         [0.0, None],
         "prior-dominated",
     )
-    assert found["at_most"] == pytest.approx(0.0062, abs=5e-4)
-    assert found["at_least"] is None
-    assert found["reason"] == "the 95 % interval reaches a physical bound"
-    again = estimate_from(found)
+    assert document["at_most"] == pytest.approx(0.0062, abs=5e-4)
+    assert document["at_least"] is None
+    assert document["reason"] == "the 95 % interval reaches a physical bound"
+    again = estimate_from(document)
     assert again == light
     assert again.is_evidence
     # A vector, with an unseen component and one at its bound.
@@ -244,9 +249,9 @@ def test_a_value_at_a_bound_is_read_back_with_its_limit() -> None:
         "",
         unseen=(5,),
     ).bounded(((0.0, math.inf),) * 3 + ((-math.inf, math.inf),) * 3)
-    found = json.loads(json.dumps(parameter_json(inertia)))
-    assert [limit is None for limit in found["at_most"]] == [True, False, True, True, True, True]
-    assert estimate_from(found) == inertia
+    document = json.loads(json.dumps(parameter_json(inertia)))
+    assert [limit is None for limit in document["at_most"]] == [True, False, True, True, True, True]
+    assert estimate_from(document) == inertia
 
 
 def test_a_result_of_an_earlier_version_is_read() -> None:
@@ -263,10 +268,10 @@ def test_the_evidence_of_an_estimate_is_read_back() -> None:
 
 
 def test_a_contradicted_estimate_names_the_disagreement() -> None:
-    found = parameter_json(CONTRADICTED)
-    assert (found["value"], found["verdict"]) == (0.2541, "contradicted")
-    assert found["contradiction"] == "Something pulls on it: the force grows by 30 N/m."
-    assert found["tests"] == [
+    row = parameter_json(CONTRADICTED)
+    assert (row["value"], row["verdict"]) == (0.2541, "contradicted")
+    assert row["contradiction"] == "Something pulls on it: the force grows by 30 N/m."
+    assert row["tests"] == [
         {
             "name": "along the lift",
             "statistic": 30.1,
@@ -304,9 +309,9 @@ def test_shared_errors_of_an_estimate_are_written_and_read_back() -> None:
 
 @pytest.mark.parametrize("parameter", [MASS, COM])
 def test_an_unidentified_parameter_has_no_value(parameter: Parameter) -> None:
-    found = parameter_json(not_identified(parameter, "1", "It slipped."))
-    assert (found["value"], found["std"], found["ci95"]) == (None, None, None)
-    assert (found["verdict"], found["method"]) == ("not identified", "It slipped.")
+    row = parameter_json(not_identified(parameter, "1", "It slipped."))
+    assert (row["value"], row["std"], row["ci95"]) == (None, None, None)
+    assert (row["verdict"], row["method"]) == ("not identified", "It slipped.")
 
 
 @pytest.mark.parametrize(
@@ -353,7 +358,7 @@ def test_estimates_of_a_simulated_run_say_so(simulated: bool) -> None:
     mass = Estimate.normal(Parameter("mug", "mass"), "kg", 0.34, 0.01, "Weighed.")
     plan = Plan((mass.parameter,), None, "")
     run = Run(Settings(), parse_scene(NOTHING), plan, estimates=(mass,), simulated=simulated)
-    (found,) = run.estimates
-    assert found == mass, "the label is no part of the result"
-    assert repr(found).endswith(", simulated>") == simulated
-    assert found.cells()[-1] == "identified" + ", simulated" * simulated
+    (outcome,) = run.estimates
+    assert outcome == mass, "the label is no part of the result"
+    assert repr(outcome).endswith(", simulated>") == simulated
+    assert outcome.cells()[-1] == "identified" + ", simulated" * simulated

@@ -139,17 +139,17 @@ def test_the_picture_and_its_camera_are_recorded(weighed: Trace, tmp_path: Path)
 def test_a_picture_whose_camera_is_nowhere_is_shown_alone(weighed: Trace, tmp_path: Path) -> None:
     image = tmp_path / "desk.png"
     Image.new("RGB", (320, 240)).save(image)
-    found = schemas(written(tmp_path, weighed, Settings(images=(image,))))
-    assert "/camera/image" in found
-    assert not {"/camera/camera_info", "/tf_static"} & set(found)
+    result = schemas(written(tmp_path, weighed, Settings(images=(image,))))
+    assert "/camera/image" in result
+    assert not {"/camera/camera_info", "/tf_static"} & set(result)
 
 
 def test_a_failing_view_costs_no_trace(weighed: Trace, tmp_path: Path) -> None:
     file = written(tmp_path, weighed, Settings(images=(tmp_path / "gone.png",)))
-    found = schemas(file)
+    result = schemas(file)
     assert len(read_mcap(file).t) == len(weighed.t)
-    assert "/robot_description" in found
-    assert "/camera/image" not in found
+    assert "/robot_description" in result
+    assert "/camera/image" not in result
 
 
 def test_every_topic_and_field_of_the_layout_is_in_a_trace(weighed: Trace, tmp_path: Path) -> None:
@@ -162,7 +162,7 @@ def test_every_topic_and_field_of_the_layout_is_in_a_trace(weighed: Trace, tmp_p
     hand = replace(part.hand, wrench_sensor=WrenchSensor("a test sensor"))
     part = replace(part, samples=samples, hand=hand)
     file = written(tmp_path, part, Settings(images=(image,), poses=poses))
-    found = schemas(file)
+    result = schemas(file)
     layout = json.loads(LAYOUT.read_text())
     panels = layout["configById"]
     assert set(_panels_of(layout["layout"])) == set(panels)
@@ -174,11 +174,11 @@ def test_every_topic_and_field_of_the_layout_is_in_a_trace(weighed: Trace, tmp_p
                 value = value[int(field[1:-1])] if field[0] == "[" else getattr(value, field[1:])
             assert isinstance(value, float | str), path
     cell = panels["3D!cell"]
-    assert set(cell["topics"]) <= set(found)
+    assert set(cell["topics"]) <= set(result)
     assert {
         panels["RosOut!log"]["topicToRender"],
         *panels["Image!camera"]["imageMode"].values(),
-    } <= {*found}
+    } <= {*result}
 
 
 def _panels_of(layout: Any) -> list[str]:

@@ -59,18 +59,18 @@ def away() -> SymbolicState:
 
 def test_a_pushed_neighbour_ends_the_run_by_name() -> None:
     watch = CameraWatch(keep_state, lambda: seen(way=(0.03, 0.0, 0.0)))
-    said = (
+    text = (
         r"'cup' is seen at \(0\.480, -0\.120, 0\.450\) m, 30 mm from where it is believed, and 8 mm"
     )
-    with pytest.raises(LeafFailure, match=said):
+    with pytest.raises(LeafFailure, match=text):
         watch("tree", blackboard(away()))
 
 
 @pytest.mark.parametrize("far", [0.0, 0.0078, 0.0082])
 def test_a_change_within_the_accuracy_of_sight_is_no_motion(far: float) -> None:
     """5 mm and three deviations of 1 mm."""
-    found = [*iter_displacements(away(), seen(way=(0.0, far, 0.0)))]
-    assert bool(found) == (far > 0.008)
+    rows = [*iter_displacements(away(), seen(way=(0.0, far, 0.0)))]
+    assert bool(rows) == (far > 0.008)
 
 
 def test_an_object_moved_by_the_run_is_expected_at_its_new_place() -> None:
@@ -141,8 +141,8 @@ def test_the_simulated_camera_sees_a_pushed_neighbour() -> None:
     robot, see = cell.robot(), eye(_planned("world:over"), cell)
     robot.close()
     assert see is not None
-    found = see()
-    assert found is not None
-    (said,) = iter_displacements(away(), found)
-    assert said.startswith("'cup' is seen at (0.4")
-    assert np.linalg.norm(found.poses["cup"].position - [0.48, -0.12, 0.45]) < 0.004
+    sight = see()
+    assert sight is not None
+    (text,) = iter_displacements(away(), sight)
+    assert text.startswith("'cup' is seen at (0.4")
+    assert np.linalg.norm(sight.poses["cup"].position - [0.48, -0.12, 0.45]) < 0.004

@@ -21,11 +21,11 @@ def scene(inside: str = "", before: str = "", after: str = "") -> Scene:
 
 
 def test_a_wrapping_geom_of_a_tendon_is_no_shape() -> None:
-    found = scene(
+    model = scene(
         '<site name="a" pos="0 0 1"/><site name="b" pos="0 1 1"/><geom name="drum" size=".1" pos="0 .5 1"/>',
         after='<tendon><spatial><site site="a"/><geom geom="drum"/><site site="b"/></spatial></tendon>',
     )
-    assert list(found.objects) == ["cup"]
+    assert list(model.objects) == ["cup"]
 
 
 @pytest.mark.parametrize("option", ["discardvisual", "fusestatic"])
@@ -38,17 +38,17 @@ def test_visual_geoms_and_fused_bodies_are_in_the_model(option: str) -> None:
 
 
 def test_bodies_with_replicated_parts_are_no_objects_and_remarked() -> None:
-    found = scene(
+    model = scene(
         """<body name="ring" pos="0 0.3 0.3"><freejoint/><replicate count="30" euler="0 0 12">
         <geom type="box" pos="0 -.12 0" size=".013 .005 .1"/></replicate></body>"""
     )
-    assert list(found.objects) == ["cup"]
-    (told,) = [line for line in remarks(found) if "replicate" in line]
-    assert "'ring'" in told
+    assert list(model.objects) == ["cup"]
+    (message,) = [line for line in remarks(model) if "replicate" in line]
+    assert "'ring'" in message
 
 
 def test_references_to_a_removed_robot_are_removed() -> None:
-    found = scene(
+    model = scene(
         """<body name="arm"><joint name="j" axis="0 0 1"/><geom name="link" size=".05"/></body>""",
         before="""<extension><plugin plugin="mujoco.pid"><instance name="pid">
             <config key="kp" value="40"/></instance></plugin></extension>""",
@@ -56,10 +56,10 @@ def test_references_to_a_removed_robot_are_removed() -> None:
           <custom><numeric name="n" data="1"/><text name="t" data="link"/>
           <tuple name="both"><element objtype="geom" objname="link"/></tuple></custom>""",
     )
-    assert list(found.objects) == ["cup"]
-    (told,) = [line for line in remarks(found) if "Robot removed" in line]
-    assert "1 tuple" in told
-    assert "text" not in told
+    assert list(model.objects) == ["cup"]
+    (message,) = [line for line in remarks(model) if "Robot removed" in line]
+    assert "1 tuple" in message
+    assert "text" not in message
 
 
 def test_a_flexible_body_from_a_file_compiles(tmp_path: Path) -> None:
@@ -79,13 +79,13 @@ def test_a_flexible_body_from_a_file_compiles(tmp_path: Path) -> None:
 def test_a_body_is_where_the_file_puts_its_frame(compiler: str, joint: str) -> None:
     lever = f"""<body name="lever" pos="0.6 0.1 0.1"><freejoint {joint}/>
       <geom type="box" size=".1 .02 .02" pos=".1 .02 0" mass="0.2"/></body>"""
-    found = scene(lever, before=f"<compiler {compiler}/>")
-    assert found.body("lever").pose_world.position == pytest.approx([0.6, 0.1, 0.1])
+    model = scene(lever, before=f"<compiler {compiler}/>")
+    assert model.body("lever").pose_world.position == pytest.approx([0.6, 0.1, 0.1])
 
 
 def test_njmax_reserves_no_memory() -> None:
-    found = scene(before='<size njmax="5000" nconmax="5000"/>')
-    assert found.spec().compile().narena < 100e6
+    model = scene(before='<size njmax="5000" nconmax="5000"/>')
+    assert model.spec().compile().narena < 100e6
 
 
 def test_a_height_field_is_as_high_as_its_highest_point() -> None:

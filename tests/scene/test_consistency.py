@@ -35,11 +35,11 @@ def stack(table: str, tin: str, box: str) -> Scene:
 def test_overlapping_bodies_are_remarked(box: str, depth: float, other: str) -> None:
     tin = TIN.format(".23") if other != "table" else ""
     scene = read(TABLE.format(".1") + BOX.format(box) + tin)
-    found = overlaps(scene.resolved)
+    result = overlaps(scene.resolved)
     if not depth:
-        assert not found
+        assert not result
         return
-    assert {other, "box"} in [set(pair) for pair in found]
+    assert {other, "box"} in [set(pair) for pair in result]
     (line,) = contradictions(scene.resolved)
     assert f"overlap by {1e3 * depth:.0f} mm" in line
     assert line in remarks(scene)
@@ -85,9 +85,9 @@ def test_objects_placed_by_a_keyframe_are_remarked(arm: str, x: str, moved: bool
     qpos = f"{joint}{x} .1 .23 1 0 0 0"
     scene = read(arm + TABLE.format(".1") + TIN.format(".23"), tail=motor + HOME.format(qpos))
     assert bool(scene.resolved.description.roles.robots) == bool(arm)
-    found = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
-    assert len(found) == moved
-    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(found)
+    items = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
+    assert len(items) == moved
+    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(items)
 
 
 @pytest.mark.filterwarnings("ignore:.*settotalmass")
@@ -95,9 +95,9 @@ def test_objects_placed_by_a_keyframe_are_remarked(arm: str, x: str, moved: bool
 def test_a_compiler_that_scales_masses_is_remarked(total: str, is_said: bool) -> None:
     head = f'<compiler settotalmass="{total}"/>'
     scene = read(TABLE.format(".1") + TIN.format(".23"), head)
-    said = [line for line in remarks(scene) if f'settotalmass="{total}"' in line]
-    assert len(said) == is_said
-    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(said)
+    items = [line for line in remarks(scene) if f'settotalmass="{total}"' in line]
+    assert len(items) == is_said
+    assert SymbolicPlanner().plan(None, scene).notes[:1] == tuple(items)
 
 
 def test_copies_of_an_object_are_nothing_that_it_stands_on() -> None:
@@ -125,8 +125,8 @@ def test_a_keyframe_that_is_no_numbers_is_refused() -> None:
 def test_a_keyframe_that_turns_an_object(quat: str, is_said: bool) -> None:
     qpos = f".5 .1 .23 {quat}"
     scene = read(TABLE.format(".1") + TIN.format(".23"), tail=HOME.format(qpos))
-    found = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
-    assert bool(found) == is_said
+    items = [line for line in remarks(scene) if "keyframe 'home' moves or turns 'tin'" in line]
+    assert bool(items) == is_said
 
 
 def test_a_keyframe_that_mujoco_would_refuse_is_refused() -> None:
@@ -139,8 +139,8 @@ def test_a_keyframe_that_mujoco_would_refuse_is_refused() -> None:
 def test_a_spring_on_an_objects_own_joint_is_remarked(stiffness: str, is_said: bool) -> None:
     joint = f'<joint type="free" stiffness="{stiffness}"/>'
     scene = read(TABLE.format(".1") + TIN.format(".23").replace("<freejoint/>", joint))
-    found = [line for line in remarks(scene) if "'tin' in the hand would be wrong" in line]
-    assert bool(found) == is_said
+    items = [line for line in remarks(scene) if "'tin' in the hand would be wrong" in line]
+    assert bool(items) == is_said
 
 
 def test_memory_that_the_file_reserves_does_not_matter() -> None:

@@ -27,22 +27,22 @@ def mug(gap: float, turned: str = "") -> str:
 
 @pytest.mark.parametrize("gap", [0.002, 0.01, 0.019])
 def test_an_object_slightly_above_its_support_is_let_down(gap: float) -> None:
-    found = scene(mug(gap))
-    assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
-    assert found.symbols.pose("mug_pose").position[2] < 0.33
-    height = found.spec().compile().body("mug").pos[2]
+    model = scene(mug(gap))
+    assert model.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
+    assert model.symbols.pose("mug_pose").position[2] < 0.33
+    height = model.spec().compile().body("mug").pos[2]
     assert height == pytest.approx(0.27, abs=2e-4)
 
 
 def test_an_object_that_poses_put_slightly_too_high_is_let_down_and_remarked() -> None:
-    found = scene(mug(1.0), poses="objects: {mug: {pos: [0.5, 0, 0.28]}}")
-    assert found.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
-    assert any("onto the support just below: 'mug'" in line for line in remarks(found))
+    model = scene(mug(1.0), poses="objects: {mug: {pos: [0.5, 0, 0.28]}}")
+    assert model.bodies["mug"].bottom_z() == pytest.approx(0.22, abs=2e-4)
+    assert any("onto the support just below: 'mug'" in line for line in remarks(model))
 
 
 def test_an_object_slightly_above_another_is_let_down_onto_it() -> None:
-    found = scene(mug(0.0), MUG.format(z=0.378, turned="").replace('"mug"', '"upper"'))
-    assert found.bodies["upper"].bottom_z() == pytest.approx(0.32, abs=5e-4)
+    model = scene(mug(0.0), MUG.format(z=0.378, turned="").replace('"mug"', '"upper"'))
+    assert model.bodies["upper"].bottom_z() == pytest.approx(0.32, abs=5e-4)
 
 
 def test_an_object_far_above_everything_is_remarked() -> None:
@@ -67,8 +67,8 @@ def test_the_file_keeps_its_own_number() -> None:
 def test_objects_that_stand_or_would_fall_far_or_over_keep_their_pose(
     body: str, height: str, z: float
 ) -> None:
-    found = scene(body, height=height)
-    assert found.bodies["mug"].pose_world.position[2] == pytest.approx(z)
+    model = scene(body, height=height)
+    assert model.bodies["mug"].pose_world.position[2] == pytest.approx(z)
 
 
 def test_an_object_in_a_bowl_falls_onto_its_bottom() -> None:
@@ -79,5 +79,5 @@ def test_an_object_in_a_bowl_falls_onto_its_bottom() -> None:
     floor = '<geom type="box" size=".1 .1 .005" pos="0 0 .005"/>'
     bowl = f'<body name="bowl" pos="0.5 0 0.22"><freejoint/>{floor}{walls}</body>'
     inside = MUG.format(z=0.22 + 0.01 + 0.05 + 0.006, turned="")
-    found = scene(bowl, inside)
-    assert found.bodies["mug"].bottom_z() == pytest.approx(0.23, abs=5e-4)
+    model = scene(bowl, inside)
+    assert model.bodies["mug"].bottom_z() == pytest.approx(0.23, abs=5e-4)

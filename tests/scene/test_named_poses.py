@@ -44,10 +44,10 @@ def box(x: float, y: float, z: float) -> str:
 def test_a_box_is_taken_across_its_narrow_side(
     narrow: float, long: float, half: float, yaw: float, y: float
 ) -> None:
-    found = scene(thing("b", box(long, narrow, half), y=y, half=half, yaw=yaw))
-    pose = found.symbols.resolve("b_pose")
-    body = found.objects["b"]
-    assert found.symbols.ungraspable == {}
+    model = scene(thing("b", box(long, narrow, half), y=y, half=half, yaw=yaw))
+    pose = model.symbols.resolve("b_pose")
+    body = model.objects["b"]
+    assert model.symbols.ungraspable == {}
     assert abs(pose.rotation[:, 1] @ body.pose_world.rotation[:, 1]) == pytest.approx(1), (
         "closes on its faces"
     )
@@ -64,8 +64,8 @@ def test_a_box_is_taken_across_its_narrow_side(
 
 def test_the_wrist_turns_the_short_way() -> None:
     for yaw in range(0, 360, 30):
-        found = scene(thing("b", box(0.05, 0.02, 0.03), y=0.2, yaw=yaw))
-        tool = found.symbols.resolve("b_pose").rotation[:, 0]
+        model = scene(thing("b", box(0.05, 0.02, 0.03), y=0.2, yaw=yaw))
+        tool = model.symbols.resolve("b_pose").rotation[:, 0]
         azimuth = np.array([0.5, 0.2, 0]) / np.hypot(0.5, 0.2)
         assert tool @ azimuth >= -1e-6
 
@@ -87,19 +87,19 @@ def test_low_tall_and_round_objects_have_grasps() -> None:
 
 def test_a_bottle_is_held_by_its_neck() -> None:
     bottle = '<geom type="cylinder" size="0.045 0.06"/><geom type="cylinder" size="0.015 0.03" pos="0 0 0.09"/>'
-    found = scene(thing("bottle", bottle, half=0.06))
-    assert found.symbols.ungraspable == {}
-    assert found.symbols.resolve("bottle_pose").position[2] == pytest.approx(0.58 - 0.0324)
+    model = scene(thing("bottle", bottle, half=0.06))
+    assert model.symbols.ungraspable == {}
+    assert model.symbols.resolve("bottle_pose").position[2] == pytest.approx(0.58 - 0.0324)
 
 
 HAMMER = '<geom type="box" size="0.14 0.0125 0.0125"/><geom type="box" size="0.02 0.05 0.0125" pos="0.15 0 0"/>'
 
 
 def test_a_hammer_is_taken_by_its_handle_with_offsets_that_stay_on_it() -> None:
-    found = scene(thing("hammer", HAMMER, half=0.0125, yaw=30))
-    to_hammer = found.objects["hammer"].pose_world.inverse()
+    model = scene(thing("hammer", HAMMER, half=0.0125, yaw=30))
+    to_hammer = model.objects["hammer"].pose_world.inverse()
     reach = [
-        to_hammer.apply(found.symbols.resolve(f"hammer_pose + {k}*x_offset").position)
+        to_hammer.apply(model.symbols.resolve(f"hammer_pose + {k}*x_offset").position)
         for k in (-2, -1, 0, 1, 2)
     ]
     assert all(abs(point[1]) < 1e-4 for point in reach)
@@ -119,9 +119,9 @@ def test_a_hammer_is_taken_by_its_handle_with_offsets_that_stay_on_it() -> None:
 def test_objects_that_the_hand_cannot_grasp_have_a_reason(
     geom: str, half: float, reason: str
 ) -> None:
-    found = scene(thing("b", geom, half=half))
-    assert reason in found.symbols.ungraspable["b"]
-    assert found.symbols.resolve("b_pose").position[:2] == pytest.approx([0.5, 0], abs=1e-6)
+    model = scene(thing("b", geom, half=half))
+    assert reason in model.symbols.ungraspable["b"]
+    assert model.symbols.resolve("b_pose").position[:2] == pytest.approx([0.5, 0], abs=1e-6)
 
 
 def test_a_neighbour_decides_between_two_directions() -> None:
@@ -181,22 +181,22 @@ def test_a_surface_is_approached_over_a_free_spot(spots: list[tuple[float, float
         thing(f"o{i}", box(0.03, 0.02, 0.05), x=x, y=y, half=0.05, yaw=yaw)
         for i, (x, y, yaw) in enumerate(spots)
     )
-    found = scene(objects)
-    pose = found.symbols.resolve("table_approach")
+    model = scene(objects)
+    pose = model.symbols.resolve("table_approach")
     assert pose.position[2] == pytest.approx(0.5)
-    assert found.surfaces["table"].covers(pose.position[0], pose.position[1])
+    assert model.surfaces["table"].covers(pose.position[0], pose.position[1])
     assert 0.3 <= np.hypot(*pose.position[:2]) <= 0.75
-    assert _clear(found, pose.position[0], pose.position[1], 0.03)
+    assert _clear(model, pose.position[0], pose.position[1], 0.03)
 
 
 def test_the_floor_is_approached_next_to_the_table() -> None:
-    found = parse_scene(
+    parsed_scene = parse_scene(
         '<mujoco><worldbody><geom name="floor" type="plane" size="0 0 1"/>'
         + TABLE
         + "</worldbody></mujoco>"
     )
-    pose = found.symbols.resolve("floor_approach")
-    assert not found.surfaces["table"].covers(pose.position[0], pose.position[1])
+    pose = parsed_scene.symbols.resolve("floor_approach")
+    assert not parsed_scene.surfaces["table"].covers(pose.position[0], pose.position[1])
 
 
 def test_the_approach_follows_the_arms_base() -> None:
@@ -210,29 +210,29 @@ def test_the_approach_follows_the_arms_base() -> None:
 
 def test_a_blocker_has_a_free_place_to_go() -> None:
     cube = box(0.025, 0.025, 0.04)
-    found = scene(thing("red", cube, half=0.04) + thing("blue", cube, x=0.58, half=0.04))
-    there, here = found.symbols.resolve("red_temporary"), found.symbols.resolve("red_pose")
+    model = scene(thing("red", cube, half=0.04) + thing("blue", cube, x=0.58, half=0.04))
+    there, here = model.symbols.resolve("red_temporary"), model.symbols.resolve("red_pose")
     assert there.position[2] == pytest.approx(here.position[2])
     assert there.angle_to(here) == pytest.approx(0, abs=1e-6)
     assert there.distance_to(here) > 0.06
-    assert found.surfaces["table"].covers(there.position[0], there.position[1])
-    assert _clear(found, there.position[0], there.position[1], 0.03)
-    assert found.symbols.subject("red_temporary") == "red"
+    assert model.surfaces["table"].covers(there.position[0], there.position[1])
+    assert _clear(model, there.position[0], there.position[1], 0.03)
+    assert model.symbols.subject("red_temporary") == "red"
 
 
 def test_stacked_objects_are_put_down_next_to_one_another() -> None:
     levels = [thing(f"s{i}", box(0.04 - 0.01 * i, 0.03, 0.02), half=0.02) for i in range(3)]
     stacked = [text.replace("0.42", f"{0.42 + 0.04 * i:g}") for i, text in enumerate(levels)]
-    found = scene("".join(stacked))
-    places = [found.symbols.resolve(f"s{i}_temporary").position[:2] for i in range(3)]
-    for i, one in enumerate(places):
-        assert all(np.linalg.norm(one - other) > 0.05 for other in places[i + 1 :])
+    model = scene("".join(stacked))
+    places = [model.symbols.resolve(f"s{i}_temporary").position[:2] for i in range(3)]
+    for i, item in enumerate(places):
+        assert all(np.linalg.norm(item - other) > 0.05 for other in places[i + 1 :])
 
 
 @pytest.mark.parametrize("yaw", range(0, 180, 30))
 def test_beside_the_arm_the_tool_turns_from_home_as_base_and_wrist_do(yaw: float) -> None:
-    found = scene(thing("a", box(0.05, 0.02, 0.02), x=0.1, y=0.45, half=0.02, yaw=yaw))
-    pose = found.symbols.pose("a_pose")
+    model = scene(thing("a", box(0.05, 0.02, 0.02), x=0.1, y=0.45, half=0.02, yaw=yaw))
+    pose = model.symbols.pose("a_pose")
     turned = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))
     base = float(np.arctan2(pose.position[1], pose.position[0]))
     wrist = ARM.home[6] - (turned - base)
@@ -251,7 +251,7 @@ def test_a_temporary_pose_without_room_is_an_error() -> None:
 
 
 def test_poses_overrule_derived_symbols() -> None:
-    found = scene(
+    model = scene(
         thing("a", box(0.02, 0.02, 0.02), half=0.02, yaw=90),
         poses="""
         places: {table_approach: {pos: [0.4, 0.2, 0.55], yaw: 0.5}, bin: {pos: [0.3, 0.3, 0.5], quat: [0, 1, 0, 0]}}
@@ -260,7 +260,7 @@ def test_poses_overrule_derived_symbols() -> None:
         grasps: {a: {pos: [0.005, 0, 0.01]}}
         """,
     )
-    names = found.symbols
+    names = model.symbols
     assert names.resolve("table_approach").position == pytest.approx([0.4, 0.2, 0.55])
     assert names.resolve("table_approach + z").position[2] == pytest.approx(0.75)
     assert names.resolve("bin").rotation[:, 2] == pytest.approx([0, 0, -1])
@@ -279,5 +279,5 @@ def test_an_object_without_a_free_place_is_not_graspable() -> None:
 
 def test_width_never_exceeds_the_opening() -> None:
     for half in (0.03, 0.036, 0.0385, 0.045):
-        found = scene(thing("c", f'type="cylinder" size="{half} 0.05"', half=0.05))
-        assert bool(found.symbols.ungraspable) == (2 * half > ARM.hand.opening - 0.004)
+        model = scene(thing("c", f'type="cylinder" size="{half} 0.05"', half=0.05))
+        assert bool(model.symbols.ungraspable) == (2 * half > ARM.hand.opening - 0.004)

@@ -78,10 +78,10 @@ def things(level: float = 0.0, **heights: float) -> tuple[SceneObject, ...]:
 def test_a_cylinder_is_found_where_it_stands(
     x: float, y: float, radius: float, height: float, level: float
 ) -> None:
-    found = fit(
+    result = fit(
         CAMERA, SceneObject("can", "cylinder", box_of(rings(x, y, radius, height, level))), level
     )
-    assert (found.x, found.y, found.width / 2, found.height) == pytest.approx(
+    assert (result.x, result.y, result.width / 2, result.height) == pytest.approx(
         (x, y, radius, height), abs=2e-3
     )
 
@@ -96,10 +96,10 @@ def test_a_cylinder_is_found_where_it_stands(
 def test_a_square_block_is_found_where_it_stands(
     x: float, y: float, half: float, tall: float
 ) -> None:
-    found = fit(
+    result = fit(
         CAMERA, SceneObject("block", "box", box_of(corners(x, y, (half, half, tall), 0.0))), 0.0
     )
-    assert (found.x, found.y, found.width / 2, found.height / 2) == pytest.approx(
+    assert (result.x, result.y, result.width / 2, result.height / 2) == pytest.approx(
         (x, y, half, tall), abs=1e-3
     )
 
@@ -109,8 +109,8 @@ def test_a_ball_is_found_where_it_lies() -> None:
     points = np.array([0.6, -0.1, 0.14]) + 0.04 * sphere / np.linalg.norm(
         sphere, axis=1, keepdims=True
     )
-    found = fit(CAMERA, SceneObject("ball", "sphere", box_of(points)), 0.1)
-    assert (found.x, found.y, found.width / 2) == pytest.approx((0.6, -0.1, 0.04), abs=1e-3)
+    result = fit(CAMERA, SceneObject("ball", "sphere", box_of(points)), 0.1)
+    assert (result.x, result.y, result.width / 2) == pytest.approx((0.6, -0.1, 0.04), abs=1e-3)
 
 
 def test_a_scene_is_built_whose_unknowns_are_left_open() -> None:
@@ -173,11 +173,11 @@ def test_contact_corrects_heights_and_with_them_shapes_and_places() -> None:
 def test_touched_sizes_correct_the_shapes_of_what_was_seen() -> None:
     """A block that the picture has 20 mm too tall and 2 mm too wide stays where it stands."""
     scene = DetectedScene(SceneBuilder(poses()), things()).scene()
-    told = {
+    values = {
         Parameter("table", "height"): (0.01,),
         Parameter("block", "size"): (0.058, 0.06, 0.06),
     }
-    model = scene.spec(told).compile()
+    model = scene.spec(values).compile()
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     geom = model.body("block").geomadr[0]
@@ -285,9 +285,9 @@ def test_any_box_is_a_shape_or_an_error(
 ) -> None:
     box = (left, top, min(1.0, left + width), min(1.0, top + height))
     try:
-        found = fit(CAMERA, SceneObject("x", shape, box), 0.0)
+        result = fit(CAMERA, SceneObject("x", shape, box), 0.0)
     except InputError:
         return
-    assert 0 < found.width < 10
-    assert 0 < found.height < 10
-    assert np.hypot(found.x - 1.15, found.y) <= fitting.FAR
+    assert 0 < result.width < 10
+    assert 0 < result.height < 10
+    assert np.hypot(result.x - 1.15, result.y) <= fitting.FAR

@@ -168,7 +168,7 @@ def read_unusual(
     text = (
         f'<mujoco>{before}<worldbody><site name="robot_base"/>{bodies}</worldbody>{after}</mujoco>'
     )
-    return [one for one in remarks(parse_scene(text)) if "No value is missing" not in one]
+    return [item for item in remarks(parse_scene(text)) if "No value is missing" not in item]
 
 
 UNUSUAL: dict[str, tuple[dict[str, Any], str]] = {
@@ -211,8 +211,8 @@ UNUSUAL: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", UNUSUAL)
 def test_an_unusual_statement_is_remarked_in_one_line(case: str) -> None:
     statement, line = UNUSUAL[case]
-    (found,) = read_unusual(**statement)
-    assert found.startswith(line) or line in found
+    (result,) = read_unusual(**statement)
+    assert result.startswith(line) or line in result
 
 
 def test_a_pair_collides_in_spite_of_exclusion_and_bits() -> None:

@@ -70,8 +70,8 @@ def test_names_and_folders_that_cannot_be_used_are_refused(tmp_path, names, surf
 def test_any_name_is_an_object_or_an_error(tmp_path_factory, name):
     folder = tmp_path_factory.mktemp("any") / "new"
     try:
-        made = new_scene(folder, [name])
+        scaffold = new_scene(folder, [name])
     except InputError:
         assert not folder.exists()
         return
-    assert tuple(pp.load(made.scene).objects) == made.objects
+    assert tuple(pp.load(scaffold.scene).objects) == scaffold.objects

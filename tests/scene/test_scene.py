@@ -33,20 +33,20 @@ def settled(model: mujoco.MjModel, name: str, seconds: float = 1.0) -> float:
 
 
 def test_the_prior_scene_compiles_and_rests() -> None:
-    found = scene(TABLE + BOTTLE)
-    assert found.priors[Parameter("table", "height")] == pytest.approx((0.4,))
-    assert settled(found.spec().compile(), "bottle") == pytest.approx(0.5, abs=5e-4)
+    model = scene(TABLE + BOTTLE)
+    assert model.priors[Parameter("table", "height")] == pytest.approx((0.4,))
+    assert settled(model.spec().compile(), "bottle") == pytest.approx(0.5, abs=5e-4)
 
 
 def test_values_go_into_the_model() -> None:
-    found = scene(TABLE + BOTTLE)
+    result = scene(TABLE + BOTTLE)
     values = {
         Parameter("table", "height"): (0.39,),
         Parameter("bottle", "mass"): (0.254,),
         Parameter("bottle", "friction"): (0.34,),
         Parameter("bottle", "com"): (0.0, 0.0, -0.03),
     }
-    model = found.spec(values).compile()
+    model = result.spec(values).compile()
     bottle = model.body("bottle")
     assert bottle.mass[0] == pytest.approx(0.254)
     assert bottle.ipos == pytest.approx([0, 0, -0.03])
@@ -57,11 +57,11 @@ def test_values_go_into_the_model() -> None:
 def test_a_measured_friction_prevails_over_the_supports() -> None:
     tilt = '<option gravity="2.5 0 -9.5"/>'
     text = f"<mujoco>{tilt}<worldbody>{TABLE}{BOTTLE.replace('0.03 0.1', '0.06 0.02')}</worldbody></mujoco>"
-    found = parse_scene(text.replace("0.1 0.5", "0.1 0.42"))
-    assert found.gravity == pytest.approx(np.hypot(2.5, 9.5))
+    parsed_scene = parse_scene(text.replace("0.1 0.5", "0.1 0.42"))
+    assert parsed_scene.gravity == pytest.approx(np.hypot(2.5, 9.5))
 
     def slides(friction: float) -> bool:
-        model = found.spec(
+        model = parsed_scene.spec(
             {Parameter("bottle", "friction"): (friction,), Parameter("bottle", "mass"): (0.3,)}
         ).compile()
         model.opt.cone = mujoco.mjtCone.mjCONE_ELLIPTIC
@@ -74,11 +74,11 @@ def test_a_measured_friction_prevails_over_the_supports() -> None:
 
 
 def test_mass_is_shared_by_volume_and_leaves_stated_geoms_alone() -> None:
-    found = scene(
+    result = scene(
         '<body name="mug" pos="0.5 0 0.1"><freejoint/><geom name="a" type="box" size=".02 .02 .02"/>'
         '<geom name="b" type="box" size=".02 .02 .04" pos="0 0 .06"/></body>'
     )
-    model = found.spec({Parameter("mug", "mass"): (0.3,)}).compile()
+    model = result.spec({Parameter("mug", "mass"): (0.3,)}).compile()
     assert model.body("mug").mass[0] == pytest.approx(0.3)
     assert model.body("mug").ipos[2] == pytest.approx(0.04)
     partly = scene(
@@ -91,35 +91,35 @@ def test_mass_is_shared_by_volume_and_leaves_stated_geoms_alone() -> None:
 
 
 def test_an_open_height_of_an_object_follows_its_surface() -> None:
-    found = scene(TABLE + BOTTLE.replace("0.5 0.1 0.5", "0.5 0.1 ?"))
-    assert found.objects["bottle"].missing == {"mass", "friction"}
-    assert found.objects["bottle"].bottom_z() == pytest.approx(0.4)
-    model = found.spec({Parameter("table", "height"): (0.6,)}).compile()
+    result = scene(TABLE + BOTTLE.replace("0.5 0.1 0.5", "0.5 0.1 ?"))
+    assert result.objects["bottle"].missing == {"mass", "friction"}
+    assert result.objects["bottle"].bottom_z() == pytest.approx(0.4)
+    model = result.spec({Parameter("table", "height"): (0.6,)}).compile()
     assert model.body("bottle").pos[2] == pytest.approx(0.7)
 
 
 def test_poses_overrule_the_file_and_give_heights() -> None:
-    found = scene(TABLE + BOTTLE, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85], yaw: 0.5}}")
-    assert found.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
-    assert found.priors[Parameter("table", "height")] == pytest.approx((0.75,))
-    model = found.spec().compile()
+    result = scene(TABLE + BOTTLE, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85], yaw: 0.5}}")
+    assert result.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
+    assert result.priors[Parameter("table", "height")] == pytest.approx((0.75,))
+    model = result.spec().compile()
     assert model.body("bottle").pos == pytest.approx([0.4, -0.1, 0.85])
     assert model.body("bottle").quat == pytest.approx([np.cos(0.25), 0, 0, np.sin(0.25)])
 
 
 def test_poses_give_an_unknown_position_its_prior() -> None:
     unplaced = BOTTLE.replace("0.5 0.1 0.5", "? ? ?")
-    found = scene(TABLE + unplaced, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85]}}")
-    assert found.priors[Parameter("bottle", "position")] == (0.4, -0.1)
-    assert found.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
-    assert found.priors[Parameter("table", "height")] == pytest.approx((0.75,))
-    model = found.spec({Parameter("bottle", "position"): (0.41, -0.11)}).compile()
+    result = scene(TABLE + unplaced, poses="objects: {bottle: {pos: [0.4, -0.1, 0.85]}}")
+    assert result.priors[Parameter("bottle", "position")] == (0.4, -0.1)
+    assert result.objects["bottle"].pose_world.position == pytest.approx([0.4, -0.1, 0.85])
+    assert result.priors[Parameter("table", "height")] == pytest.approx((0.75,))
+    model = result.spec({Parameter("bottle", "position"): (0.41, -0.11)}).compile()
     assert model.body("bottle").pos[:2] == pytest.approx([0.41, -0.11])
 
 
 def test_an_empty_surface_is_believed_below_its_approach() -> None:
-    found = scene(TABLE, poses="places: {table_approach: {pos: [0.5, 0, 0.9]}}")
-    assert found.priors[Parameter("table", "height")] == pytest.approx((0.8,))
+    model = scene(TABLE, poses="places: {table_approach: {pos: [0.5, 0, 0.9]}}")
+    assert model.priors[Parameter("table", "height")] == pytest.approx((0.8,))
     assert scene(TABLE).priors[Parameter("table", "height")] == (0.4,)
 
 
@@ -156,19 +156,19 @@ def test_meshes_are_found_in_the_scenes_folder(tmp_path: Path) -> None:
         '<body name="wedge" pos="0.5 0 0"><freejoint/><geom type="mesh" mesh="wedge"/></body>'
         "</worldbody></mujoco>"
     )
-    found = load_scene(path)
-    wedge = found.objects["wedge"]
+    parsed_scene = load_scene(path)
+    wedge = parsed_scene.objects["wedge"]
     assert wedge.size == pytest.approx([0.06, 0.06, 0.05], abs=1e-6)
     assert wedge.centre == pytest.approx([0.03, 0.03, 0.025], abs=1e-6)
-    assert found.files == ((tmp_path / "assets" / "wedge.obj").resolve(),)
+    assert parsed_scene.files == ((tmp_path / "assets" / "wedge.obj").resolve(),)
     parent = mujoco.MjSpec()
-    parent.attach(found.spec(), frame=parent.worldbody.add_frame(), prefix="w_")
+    parent.attach(parsed_scene.spec(), frame=parent.worldbody.add_frame(), prefix="w_")
     assert parent.compile().nmesh == 1
 
 
 def test_a_twin_is_read_with_the_same_poses() -> None:
-    found = scene(TABLE + BOTTLE, poses="objects: {bottle: {pos: [0.4, 0, 0.5]}}")
-    twin = scene_from_text(found.text.replace("0.5 0 ?", "0.5 0 0.38"), found)
+    model = scene(TABLE + BOTTLE, poses="objects: {bottle: {pos: [0.4, 0, 0.5]}}")
+    twin = scene_from_text(model.text.replace("0.5 0 ?", "0.5 0 0.38"), model)
     assert twin.surfaces["table"].known["height"] == pytest.approx((0.4,))
     assert twin.objects["bottle"].pose_world.position[0] == pytest.approx(0.4)
 
@@ -232,6 +232,6 @@ def test_loading_time_grows_no_faster_than_the_scene() -> None:
 
 
 def test_fifteen_objects_are_all_read() -> None:
-    found = scene(crowd(15))
-    assert len(found.missing) == 31
-    assert found.symbols.ungraspable == {}
+    model = scene(crowd(15))
+    assert len(model.missing) == 31
+    assert model.symbols.ungraspable == {}

@@ -95,11 +95,11 @@ def test_a_turned_block_of_any_ground_plan_is_found_by_its_outline() -> None:
         [[np.cos(turn), np.sin(turn)], [-np.sin(turn), np.cos(turn)]]
     )
     points = np.array([[0.58 + x, -0.16 + y, 0.03 + z] for x, y in ground for z in (0.0, h)])
-    found = fit(CAMERA, outlined("carton", "box", points), 0.03)
-    assert (found.x, found.y, found.width, found.depth, found.height) == pytest.approx(
+    result = fit(CAMERA, outlined("carton", "box", points), 0.03)
+    assert (result.x, result.y, result.width, result.depth, result.height) == pytest.approx(
         (0.58, -0.16, 2 * w, 2 * d, h), abs=1e-3
     )
-    assert found.yaw == pytest.approx(turn, abs=0.01)
+    assert result.yaw == pytest.approx(turn, abs=0.01)
 
 
 def test_a_bottle_is_as_wide_as_its_widest_part() -> None:
@@ -111,9 +111,9 @@ def test_a_bottle_is_as_wide_as_its_widest_part() -> None:
             for r, z in rings
         ]
     )
-    found = fit(CAMERA, outlined("bottle", "cylinder", points), 0.0)
-    assert (found.x, found.y) == pytest.approx((0.5, 0.12), abs=2e-3)
-    assert (found.width, found.height) == pytest.approx((0.064, 0.2), abs=4e-3)
+    result = fit(CAMERA, outlined("bottle", "cylinder", points), 0.0)
+    assert (result.x, result.y) == pytest.approx((0.5, 0.12), abs=2e-3)
+    assert (result.width, result.height) == pytest.approx((0.064, 0.2), abs=4e-3)
 
 
 @pytest.mark.parametrize("shift", [(0.35, 0.0), (0.3, 0.35), (-0.01, 0.45)])
@@ -125,11 +125,11 @@ def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
     left, top, right, bottom = CAN.bbox
     rough = replace(CAN, bbox=(left + dx, top + dy, right + dx, bottom + dy))
     off = 100 * np.hypot(dx * WIDTH, dy * HEIGHT) / np.hypot(WIDTH, HEIGHT)
-    told = (
+    message = (
         rf"the box of 'can', 12 % x 25 % of the image, shows bare table; .* 1[23] % x 2[45] %, is {off:.0f} % of .*: "
         r"look again, and correct the box of 'can', perhaps to \[0.250, 0.250, 0.375, 0.500\]"
     )
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=message):
         sharpen_boxes([TABLE, rough], painted(with_can()))
     assert sharpen_boxes([TABLE, rough], painted(table())) == (TABLE, rough), (
         "there is nothing else"

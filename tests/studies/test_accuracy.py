@@ -99,9 +99,9 @@ def cell(settings: Settings, seed: int, poses: str | None = None) -> SimulatedCe
         file = settings.scene.with_name("poses.yaml")
         file.write_text(poses, encoding="utf-8")
     asked = Settings(scene=settings.scene, world=settings.world, poses=file, seed=seed)
-    made = displaced_cell(asked, load_scene(settings.scene, file))
-    assert isinstance(made, SimulatedCell)
-    return made
+    displaced = displaced_cell(asked, load_scene(settings.scene, file))
+    assert isinstance(displaced, SimulatedCell)
+    return displaced
 
 
 def shift(made: SimulatedCell) -> np.ndarray:
@@ -111,12 +111,12 @@ def shift(made: SimulatedCell) -> np.ndarray:
 def test_displaced_cell_moves_an_object_in_the_plane_and_not_its_believed_pose(
     com_settings: Settings,
 ) -> None:
-    made = cell(com_settings, seed=3)
-    aside = shift(made)
+    simulation = cell(com_settings, seed=3)
+    aside = shift(simulation)
     assert aside[2] == pytest.approx(0.0, abs=1e-12)
     assert 1e-5 < np.abs(aside[:2]).max() < 2e-3
-    assert made.scene is not None
-    assert made.scene.body("cup").pose_world.position == pytest.approx([0.5, 0.1, 0.05])
+    assert simulation.scene is not None
+    assert simulation.scene.body("cup").pose_world.position == pytest.approx([0.5, 0.1, 0.05])
 
 
 def test_displaced_cell_keeps_the_com_in_the_body_frame(com_settings: Settings) -> None:
@@ -135,9 +135,9 @@ def test_displacement_scales_with_the_accuracy_of_poses(com_settings: Settings) 
 
 
 def test_displaced_cell_keeps_the_drawn_truth(com_settings: Settings) -> None:
-    made = cell(Settings(scene=com_settings.scene), seed=3)
-    assert np.abs(shift(made)).max() > 1e-5
-    assert made.truth(COM) == pytest.approx(made.drawn[COM], rel=1e-6)
+    simulation = cell(Settings(scene=com_settings.scene), seed=3)
+    assert np.abs(shift(simulation)).max() > 1e-5
+    assert simulation.truth(COM) == pytest.approx(simulation.drawn[COM], rel=1e-6)
 
 
 def test_the_seeds_of_a_scenario_share_one_plan_and_give_the_values_of_separate_runs(

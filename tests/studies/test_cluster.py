@@ -77,12 +77,12 @@ def test_two_nodes_find_what_this_machine_finds(address: str, tmp_path: Path) ->
     with crew(address) as workers:
         assert isinstance(workers, RayCrew)
         assert workers.room == 4  # two for each of two processors
-        found = dict(workers.each(partial(run_seed, settings), [1, 2]))
+        values = dict(workers.each(partial(run_seed, settings), [1, 2]))
         crash = dict(workers.each(run_case, [StudyCase(Question("no such scenario"), 7)]))[0]
         homes = dict(workers.each(by_value(home), range(6)))
         lost = dict(workers.each(by_value(fatal), [1]))[0]
-    assert [found[0]] == accuracy(settings, [1])
-    assert (found[1].seed, found[1].status) == (2, "complete")
+    assert [values[0]] == accuracy(settings, [1])
+    assert (values[1].seed, values[1].status) == (2, "complete")
     assert isinstance(crash, SeedRun)
     assert (crash.status, crash.seed) == ("crashed", 7)
     assert "no such scenario" in crash.crash

@@ -20,12 +20,12 @@ from palpate.studies.scenarios.catalogue import scenario
 
 
 def test_scenarios_completed_by_the_symbolic_planner_are_compared() -> None:
-    found = comparable()
-    assert found[0] == "bottle_and_table"
-    assert "one_missing_mass" in found
+    result = comparable()
+    assert result[0] == "bottle_and_table"
+    assert "one_missing_mass" in result
     assert all(
         scenario(name).status == "complete" and scenario(name).planner == "symbolic"
-        for name in found
+        for name in result
     )
 
 

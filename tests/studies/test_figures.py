@@ -42,7 +42,7 @@ def test_the_interval_of_a_rate_without_trials_is_the_whole_range() -> None:
 
 def test_a_root_mean_square_has_the_interval_of_chi_squared() -> None:
     numbers = np.array([3.0, -4.0, 0.0, 1.0])
-    found = Ranged.rms(numbers)
-    assert found.value == pytest.approx(sqrt(26 / 4))
+    result = Ranged.rms(numbers)
+    assert result.value == pytest.approx(sqrt(26 / 4))
     ends = [sqrt(26 / chi2.ppf(p, 4)) for p in (0.975, 0.025)]
-    assert (found.low, found.high) == pytest.approx(ends)
+    assert (result.low, result.high) == pytest.approx(ends)

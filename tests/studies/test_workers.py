@@ -39,10 +39,10 @@ def test_an_error_of_the_work_is_raised(workers: int) -> None:
 
 
 def test_a_task_that_ends_its_process_is_lost_alone() -> None:
-    found = dict(Processes(2).each(deadly, range(9)))
-    lost = found.pop(FATAL)
+    values = dict(Processes(2).each(deadly, range(9)))
+    lost = values.pop(FATAL)
     assert isinstance(lost, Lost)
-    assert found == {i: i**2 for i in range(9) if i != FATAL}
+    assert values == {i: i**2 for i in range(9) if i != FATAL}
 
 
 def test_spread_raises_a_lost_task() -> None:

@@ -72,12 +72,12 @@ def build(scene: Scene) -> Twin:
 
 
 def export(twin: Twin, to: str, folder: Path) -> Export:
-    made, scratch = folder / "made", folder / "scratch"
-    made.mkdir()
+    result, scratch = folder / "made", folder / "scratch"
+    result.mkdir()
     scratch.mkdir()
-    found = export_twin(twin, MEASURED, require_format(to), made, scratch)
+    package = export_twin(twin, MEASURED, require_format(to), result, scratch)
     shutil.rmtree(scratch)
-    return found
+    return package
 
 
 @pytest.fixture(scope="module")
@@ -86,24 +86,24 @@ def kitchen() -> Twin:
 
 
 def test_urdf_has_masses_shapes_and_joints(kitchen: Twin, tmp_path: Path) -> None:
-    made = export(kitchen, "urdf", tmp_path)
-    assert made.file.name == "scene.urdf"
-    assert (made.kept, made.lost) == ((MASS,), (FRICTION, STIFFNESS))
-    placement = json.loads((made.file.parent / "placement.json").read_text())
-    spec = read_spec(mujoco, str(made.file), placement)
+    package = export(kitchen, "urdf", tmp_path)
+    assert package.file.name == "scene.urdf"
+    assert (package.kept, package.lost) == ((MASS,), (FRICTION, STIFFNESS))
+    placement = json.loads((package.file.parent / "placement.json").read_text())
+    spec = read_spec(mujoco, str(package.file), placement)
     spec.compiler.boundmass = spec.compiler.boundinertia = 1e-12
     model = spec.compile()
     twin = kitchen.mjmodel
     for name in ("mug", "door", "latch", "table"):
-        mine, its = twin.body(name), model.body(name)
-        assert its.mass == pytest.approx(mine.mass, rel=1e-6)
-        assert sorted(its.inertia) == pytest.approx(sorted(mine.inertia), rel=1e-5)
-        apart = mujoco.MjData(twin), mujoco.MjData(model)
-        for one, data in zip((twin, model), apart, strict=True):
-            mujoco.mj_forward(one, data)
-        assert apart[1].body(name).xipos == pytest.approx(apart[0].body(name).xipos, abs=1e-7)
+        expected, its = twin.body(name), model.body(name)
+        assert its.mass == pytest.approx(expected.mass, rel=1e-6)
+        assert sorted(its.inertia) == pytest.approx(sorted(expected.inertia), rel=1e-5)
+        gap = mujoco.MjData(twin), mujoco.MjData(model)
+        for item, data in zip((twin, model), gap, strict=True):
+            mujoco.mj_forward(item, data)
+        assert gap[1].body(name).xipos == pytest.approx(gap[0].body(name).xipos, abs=1e-7)
     assert model.body("mug").mass == pytest.approx(0.2541, rel=1e-4)
-    tree = ElementTree.parse(made.file)
+    tree = ElementTree.parse(package.file)
     kinds = {joint.get("name"): joint.get("type") for joint in tree.iter("joint")}
     assert kinds["hinge"] == "revolute"
     assert "floating" not in kinds.values()
@@ -112,18 +112,18 @@ def test_urdf_has_masses_shapes_and_joints(kitchen: Twin, tmp_path: Path) -> Non
     limit = next(j for j in tree.iter("joint") if j.get("name") == "hinge").find("limit")
     assert limit is not None
     assert float(limit.get("upper", "")) == pytest.approx(np.pi / 2)
-    said = "\n".join(made.notes)
-    assert "URDF has no friction" in said
-    assert "the plane 'floor' is the top of a box" in said
-    assert "ellipsoid" in said
+    text = "\n".join(package.notes)
+    assert "URDF has no friction" in text
+    assert "the plane 'floor' is the top of a box" in text
+    assert "ellipsoid" in text
 
 
 def test_a_hinge_off_the_bodys_origin_turns_about_the_same_line(
     kitchen: Twin, tmp_path: Path
 ) -> None:
-    made = export(kitchen, "urdf", tmp_path)
+    package = export(kitchen, "urdf", tmp_path)
     places: list[np.ndarray] = []
-    for model in (kitchen.mjmodel, mujoco.MjModel.from_xml_path(str(made.file))):
+    for model in (kitchen.mjmodel, mujoco.MjModel.from_xml_path(str(package.file))):
         data = mujoco.MjData(model)
         data.joint("hinge").qpos[0] = 0.8
         mujoco.mj_kinematics(model, data)
@@ -141,11 +141,11 @@ def test_usd_has_masses_frictions_and_shapes(kitchen: Twin, tmp_path: Path) -> N
     pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
     from pxr import Usd, UsdPhysics
 
-    made = export(kitchen, "usd", tmp_path)
-    assert made.file.name == "scene.usdc"
-    assert (made.kept, made.lost) == ((MASS, FRICTION), (STIFFNESS,))
-    assert made.acts_in(MASS) == ()
-    stage = Usd.Stage.Open(str(made.file))
+    package = export(kitchen, "usd", tmp_path)
+    assert package.file.name == "scene.usdc"
+    assert (package.kept, package.lost) == ((MASS, FRICTION), (STIFFNESS,))
+    assert package.acts_in(MASS) == ()
+    stage = Usd.Stage.Open(str(package.file))
     mug = next(prim for prim in stage.Traverse() if prim.GetName() == "mug")
     assert UsdPhysics.MassAPI(mug).GetMassAttr().Get() == pytest.approx(0.2541, rel=1e-4)
     frictions = []
@@ -153,9 +153,9 @@ def test_usd_has_masses_frictions_and_shapes(kitchen: Twin, tmp_path: Path) -> N
         if prim.HasAPI(UsdPhysics.MaterialAPI):
             frictions.append(UsdPhysics.MaterialAPI(prim).GetDynamicFrictionAttr().Get())
     assert pytest.approx(0.41, rel=1e-3) in frictions
-    said = "\n".join(made.notes)
-    assert "1 cameras are left out" in said
-    assert "ellipsoid" in said
+    text = "\n".join(package.notes)
+    assert "1 cameras are left out" in text
+    assert "ellipsoid" in text
 
 
 def test_usd_states_what_its_readers_follow(tmp_path: Path) -> None:
@@ -172,8 +172,8 @@ def test_usd_states_what_its_readers_follow(tmp_path: Path) -> None:
     folder = tmp_path / "made"
     folder.mkdir()
     (tmp_path / "scratch").mkdir()
-    made = export_twin(twin, (MEASURED[0], friction), "usd", folder, tmp_path / "scratch")
-    stage = Usd.Stage.Open(str(made.file))
+    package = export_twin(twin, (MEASURED[0], friction), "usd", folder, tmp_path / "scratch")
+    stage = Usd.Stage.Open(str(package.file))
     prims = {prim.GetDisplayName() or prim.GetName(): prim for prim in stage.Traverse()}
     # MuJoCo follows the binding for all purposes, where it must find the friction.
     (shape,) = [p for p in stage.Traverse() if p.GetTypeName() == "Cylinder"]
@@ -198,7 +198,7 @@ def test_usd_states_what_its_readers_follow(tmp_path: Path) -> None:
     (scene,) = [p for p in stage.Traverse() if p.IsA(UsdPhysics.Scene)]
     assert scene.GetAttribute("mjc:flag:multiccd").Get() is True
     assert scene.GetAttribute("mjc:flag:sleep").Get() is False
-    assert "joint_target_ke" in "\n".join(made.notes)
+    assert "joint_target_ke" in "\n".join(package.notes)
 
 
 def test_urdf_states_joint_forces_and_frictions(tmp_path: Path) -> None:
@@ -207,39 +207,39 @@ def test_urdf_states_joint_forces_and_frictions(tmp_path: Path) -> None:
     )
     text = text.replace('<body name="door"', '<body name="hook" pos="0 0 1"/><body name="door"')
     text = text.replace("<freejoint/>", '<joint type="free" damping=".001"/>')
-    made = export(build(parse_scene(text)), "urdf", tmp_path)
-    assert "the damping of the free body 'mug' is left out" in made.notes
-    tree = ElementTree.parse(made.file)
+    package = export(build(parse_scene(text)), "urdf", tmp_path)
+    assert "the damping of the free body 'mug' is left out" in package.notes
+    tree = ElementTree.parse(package.file)
     (hinge,) = [joint for joint in tree.iter("joint") if joint.get("name") == "hinge"]
     dynamics = hinge.find("dynamics")
     assert dynamics is not None
     assert (dynamics.get("damping"), dynamics.get("friction")) == ("2", "0.8")
     # Readers compute the mass of a link without one: 8000 kg of the ground.
-    for file in made.file.parent.glob("*.urdf"):
+    for file in package.file.parent.glob("*.urdf"):
         for link in ElementTree.parse(file).iter("link"):
             assert link.find("inertial/mass") is not None, link.get("name")
     # 2 a b / (a + b) and a b of the mug and its table of 0.7 are the measured 0.41.
     drake = "{http://drake.mit.edu}"
-    mug = ElementTree.parse(made.file.with_name("mug.urdf"))
-    (mine, *_) = [float(mu.get("value", "")) for mu in mug.iter(f"{drake}mu_dynamic")]
-    assert 2 * mine * 0.7 / (mine + 0.7) == pytest.approx(0.41, rel=1e-3)
+    mug = ElementTree.parse(package.file.with_name("mug.urdf"))
+    (expected, *_) = [float(mu.get("value", "")) for mu in mug.iter(f"{drake}mu_dynamic")]
+    assert 2 * expected * 0.7 / (expected + 0.7) == pytest.approx(0.41, rel=1e-3)
     (bullet,) = mug.iter("lateral_friction")
     assert float(bullet.get("value", "")) * 0.7 == pytest.approx(0.41, rel=1e-3)
-    assert "the armature of the joint 'hinge' is left out" in made.notes
+    assert "the armature of the joint 'hinge' is left out" in package.notes
 
 
 def test_portable_mjcf_has_every_mass_and_no_frames(tmp_path: Path) -> None:
     text = KITCHEN.replace('<body name="mug"', '<frame pos="0 .1 0"><body name="mug"')
     text = text.replace('<body name="door"', '</frame><body name="door"')
-    made = export(build(parse_scene(text)), "mjcf", tmp_path)
-    portable = ElementTree.parse(made.file.with_name("portable.xml"))
+    package = export(build(parse_scene(text)), "mjcf", tmp_path)
+    portable = ElementTree.parse(package.file.with_name("portable.xml"))
     assert list(portable.iter("frame")) == []
     (mug,) = [body for body in portable.iter("body") if body.get("name") == "mug"]
     inertial = mug.find("inertial")
     assert inertial is not None
     assert float(inertial.get("mass", "")) == pytest.approx(0.2541, rel=1e-4)
-    assert "com follows from shapes of uniform density: mug" in made.notes
-    assert [n for n in made.notes if n.startswith("mug.mass is unknown")] == []
+    assert "com follows from shapes of uniform density: mug" in package.notes
+    assert [n for n in package.notes if n.startswith("mug.mass is unknown")] == []
 
 
 UNNAMED = """<mujoco><worldbody><site name="robot_base"/>
@@ -254,24 +254,24 @@ UNNAMED = """<mujoco><worldbody><site name="robot_base"/>
 def test_an_object_without_a_name_and_hidden_geoms_is_exported(tmp_path: Path, to: str) -> None:
     if to == "usd":
         pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
-    made = export(build(parse_scene(UNNAMED)), to, tmp_path)
-    assert MASS in made.kept
-    assert (made.acts_in(MASS) == ("mujoco",)) == (to != "usd")
-    said = "\n".join(made.notes)
-    assert "tin.mass is unknown: the export has MuJoCo's default, 0.2827 kg" in said
-    assert "tin.friction is unknown: the export has MuJoCo's default, 1" in said
+    package = export(build(parse_scene(UNNAMED)), to, tmp_path)
+    assert MASS in package.kept
+    assert (package.acts_in(MASS) == ("mujoco",)) == (to != "usd")
+    text = "\n".join(package.notes)
+    assert "tin.mass is unknown: the export has MuJoCo's default, 0.2827 kg" in text
+    assert "tin.friction is unknown: the export has MuJoCo's default, 1" in text
     if to == "mjcf":
-        assert mujoco.MjModel.from_xml_path(str(made.file)).body("mug").mass == pytest.approx(
+        assert mujoco.MjModel.from_xml_path(str(package.file)).body("mug").mass == pytest.approx(
             0.2541
         )
 
 
 @pytest.mark.parametrize("to", ["mjcf", "urdf"])
 def test_only_compared_values_count_as_read_back(kitchen: Twin, tmp_path: Path, to: str) -> None:
-    made = export(kitchen, to, tmp_path)
-    assert made.acts_in(MASS) == ("mujoco",)
+    package = export(kitchen, to, tmp_path)
+    assert package.acts_in(MASS) == ("mujoco",)
     # URDF has no friction. MJCF is compared field by field.
-    assert made.acts_in(FRICTION) == (("mujoco",) if to == "mjcf" else ())
+    assert package.acts_in(FRICTION) == (("mujoco",) if to == "mjcf" else ())
 
 
 @pytest.mark.parametrize(
@@ -281,32 +281,32 @@ def test_only_compared_values_count_as_read_back(kitchen: Twin, tmp_path: Path, 
 def test_a_field_that_changed_in_writing_is_an_error(
     kitchen: Twin, field: str, value: float
 ) -> None:
-    twin, made = (mujoco.MjModel.from_xml_string(kitchen.xml) for _ in range(2))
-    require_same_fields(twin, made)
-    getattr(made, field)[-1, -1] += value
+    twin, result = (mujoco.MjModel.from_xml_string(kitchen.xml) for _ in range(2))
+    require_same_fields(twin, result)
+    getattr(result, field)[-1, -1] += value
     with pytest.raises(PalpateError, match=field):
-        require_same_fields(twin, made)
+        require_same_fields(twin, result)
 
 
 def test_a_check_names_what_acts_and_what_does_not(kitchen: Twin, tmp_path: Path) -> None:
     folder, scratch = tmp_path / "made", tmp_path / "scratch"
     for empty in (folder, scratch, tmp_path / "again", tmp_path / "scratch2"):
         empty.mkdir()
-    made = export_twin(kitchen, MEASURED, "urdf", folder, scratch, check=True)
-    found = {f.quantity: f for f in made.findings if f.reader.startswith("mujoco 4")}
-    assert {q for q, f in found.items() if f.verdict == "acts"} >= {
+    package = export_twin(kitchen, MEASURED, "urdf", folder, scratch, check=True)
+    by_name = {f.quantity: f for f in package.findings if f.reader.startswith("mujoco 4")}
+    assert {q for q, f in by_name.items() if f.verdict == "acts"} >= {
         "mass",
         "com",
         "inertia",
         "swing",
     }
     # URDF has no friction, and MuJoCo takes its own of 1.
-    assert found["slide"].verdict == "differs"
-    assert found["slide"].detail.startswith("mug: ")
-    assert next(iter(made.acts_in(MASS))).startswith("mujoco ")
-    assert made.acts_in(FRICTION) == ()
+    assert by_name["slide"].verdict == "differs"
+    assert by_name["slide"].detail.startswith("mug: ")
+    assert next(iter(package.acts_in(MASS))).startswith("mujoco ")
+    assert package.acts_in(FRICTION) == ()
     # A ball on the table shows that its stiffness is lost in URDF, and acts in MJCF.
-    assert found["press"].detail.startswith("palpate_probe_table: ")
+    assert by_name["press"].detail.startswith("palpate_probe_table: ")
     again = tmp_path / "again"
     as_mjcf = export_twin(kitchen, MEASURED, "mjcf", again, tmp_path / "scratch2", check=True)
     assert next(iter(as_mjcf.acts_in(STIFFNESS))).startswith("mujoco ")
@@ -318,9 +318,9 @@ def test_a_reader_that_fails_loses_the_file(kitchen: Twin, tmp_path: Path) -> No
     broken = tmp_path / "scene.urdf"
     broken.write_text("<robot")
     (tmp_path / "scene.xml").write_text(kitchen.xml)
-    found = check_export(kitchen.mjmodel, tmp_path / "scene.xml", broken, "urdf")
-    assert {(f.quantity, f.verdict) for f in found} == {("file", "lost")}
-    assert all(f.detail for f in found)
+    result = check_export(kitchen.mjmodel, tmp_path / "scene.xml", broken, "urdf")
+    assert {(f.quantity, f.verdict) for f in result} == {("file", "lost")}
+    assert all(f.detail for f in result)
 
 
 def test_a_missing_usd_package_gets_an_install_hint(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -389,13 +389,13 @@ def scattered(tmp_path: Path) -> Twin:
 def test_mjcf_takes_its_files_along(
     scattered: Twin, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    made = export(scattered, "mjcf", tmp_path)
-    assert (made.kept, made.lost) == ((MASS, FRICTION, STIFFNESS), ())
+    package = export(scattered, "mjcf", tmp_path)
+    assert (package.kept, package.lost) == ((MASS, FRICTION, STIFFNESS), ())
     moved = tmp_path / "elsewhere" / "twin"
-    shutil.move(made.file.parent, moved)
+    shutil.move(package.file.parent, moved)
     shutil.rmtree(tmp_path / "scattered")
     monkeypatch.chdir("/")
-    model = mujoco.MjModel.from_xml_path(str(moved / made.file.name))
+    model = mujoco.MjModel.from_xml_path(str(moved / package.file.name))
     assert model.body("mug").mass == pytest.approx(0.2541, rel=1e-4)
     assert model.geom_friction[model.body("mug").geomadr[0], 0] == pytest.approx(0.41, abs=1e-3)
     assert model.body("a_lid").mass == pytest.approx(0.1)
@@ -410,10 +410,10 @@ def test_mjcf_takes_its_files_along(
 def test_meshes_from_anywhere_are_exported(scattered: Twin, tmp_path: Path, to: str) -> None:
     if to == "usd":
         pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
-    made = export(scattered, to, tmp_path)
-    assert MASS in made.kept
+    package = export(scattered, to, tmp_path)
+    assert MASS in package.kept
     shutil.rmtree(tmp_path / "scattered")
     if to == "urdf":
-        placement = json.loads((made.file.parent / "placement.json").read_text())
-        model = read_spec(mujoco, str(made.file), placement).compile()
+        placement = json.loads((package.file.parent / "placement.json").read_text())
+        model = read_spec(mujoco, str(package.file), placement).compile()
         assert model.nmesh == 3

@@ -62,41 +62,41 @@ CASES = [(reader, chosen) for reader in READERS for chosen in reader.formats]
 def test_exported_files_act_in_their_readers(
     reader: Reader, chosen: export.Format, tmp_path: Path
 ) -> None:
-    found = next((each for each in PYTHONS if each and is_installed(reader, each)), None)
+    result = next((each for each in PYTHONS if each and is_installed(reader, each)), None)
     expected = ACTING.get((reader.name, chosen))
-    if found is None or expected is None:
+    if result is None or expected is None:
         pytest.skip("not installed, or known to lose bodies")
     if chosen == "usd":
         pytest.importorskip("mujoco_usd_converter", reason="the extra has no wheel here")
-    scratch, made = tmp_path / "scratch", tmp_path / "made"
+    scratch, outcome = tmp_path / "scratch", tmp_path / "made"
     scratch.mkdir()
-    made.mkdir()
+    outcome.mkdir()
     source = scratch / "scene.xml"
     source.write_text(SCENE)
-    file, _ = export.WRITERS[chosen](source, made, {})
-    findings = check_export(mujoco.MjModel.from_xml_path(str(source)), source, file, chosen, found)
-    mine = [f for f in findings if f.reader.rpartition(" ")[0] == reader.name]
-    assert {f.quantity for f in mine if f.verdict == "acts"} >= expected, mine
+    file, _ = export.WRITERS[chosen](source, outcome, {})
+    findings = check_export(mujoco.MjModel.from_xml_path(str(source)), source, file, chosen, result)
+    items = [f for f in findings if f.reader.rpartition(" ")[0] == reader.name]
+    assert {f.quantity for f in items if f.verdict == "acts"} >= expected, items
 
 
 def test_experiments_move_free_bodies_and_joints_away_from_their_limits() -> None:
     text = SCENE.replace('frictionloss=".83"', 'frictionloss=".83" range="-90 5"')
-    found = experiments_for(mujoco.MjModel.from_xml_string(text))
-    assert found["slide"]["velocity"].keys() == {"mug"}
-    assert found["swing"]["rate"] == {"hinge": -2.0}
-    assert found["press"]["force"]["mug"] == pytest.approx([0.0, 0.0, -5 * 0.25 * 9.81])
+    experiments = experiments_for(mujoco.MjModel.from_xml_string(text))
+    assert experiments["slide"]["velocity"].keys() == {"mug"}
+    assert experiments["swing"]["rate"] == {"hinge": -2.0}
+    assert experiments["press"]["force"]["mug"] == pytest.approx([0.0, 0.0, -5 * 0.25 * 9.81])
 
 
 def test_a_difference_names_the_worst_body_and_a_missing_one_is_lost() -> None:
-    mine = {"mug": np.array([0.25]), "tin": np.array([1.0])}
-    acts = judge("reader 1", "mass", mine, mine)
+    values = {"mug": np.array([0.25]), "tin": np.array([1.0])}
+    acts = judge("reader 1", "mass", values, values)
     assert (acts.verdict, acts.detail) == ("acts", "")
-    off = judge("reader 1", "mass", mine, {"mug": np.array([0.25]), "tin": np.array([2.0])})
+    off = judge("reader 1", "mass", values, {"mug": np.array([0.25]), "tin": np.array([2.0])})
     assert (off.verdict, off.detail) == ("differs", "tin: 2 for 1 kg")
     # A simulation that explodes gives NaN, which is no agreement.
-    wild = judge("reader 1", "mass", mine, {"mug": np.array([np.nan]), "tin": np.array([1.0])})
+    wild = judge("reader 1", "mass", values, {"mug": np.array([np.nan]), "tin": np.array([1.0])})
     assert wild.verdict == "differs"
-    lost = judge("reader 1", "mass", mine, {"mug": np.array([0.25])})
+    lost = judge("reader 1", "mass", values, {"mug": np.array([0.25])})
     assert (lost.verdict, lost.detail) == ("lost", "of tin")
 
 
@@ -109,8 +109,8 @@ MERGED = """<mujoco><worldbody>
 
 def test_rigidly_connected_bodies_count_as_one_since_readers_merge_them() -> None:
     model = mujoco.MjModel.from_xml_string(MERGED)
-    apart = {"bodies": bodies_of(mujoco, model), "runs": {"rest": {"com": {}}}}
-    whole = collect_quantities(model, apart)
+    values = {"bodies": bodies_of(mujoco, model), "runs": {"rest": {"com": {}}}}
+    whole = collect_quantities(model, values)
     assert whole["mass"] == {"base": pytest.approx(2.5)}
     assert whole["com"]["base"] == pytest.approx([0.0, 0.1, 0.52])
     # MuJoCo itself merges the bodies.
@@ -118,7 +118,7 @@ def test_rigidly_connected_bodies_count_as_one_since_readers_merge_them() -> Non
     spec.compiler.fusestatic = True
     fused = spec.compile()
     assert fused.nbody == 2
-    its = collect_quantities(model, {"bodies": bodies_of(mujoco, fused), "runs": apart["runs"]})
+    its = collect_quantities(model, {"bodies": bodies_of(mujoco, fused), "runs": values["runs"]})
     for quantity in SURE:
         assert its[quantity]["base"] == pytest.approx(whole[quantity]["base"])
     # The heaviest of them is pressed.
@@ -143,6 +143,6 @@ def test_a_ball_lies_on_each_surface_that_is_not_covered(tmp_path: Path) -> None
     assert ball[2] == pytest.approx(0.21)
     # It is next to the can, and no experiment lets it roll.
     assert max(abs(ball[:2])) > 0.06
-    found = experiments_for(model)
-    assert found["slide"]["velocity"].keys() == {"can"}
-    assert found["press"]["force"].keys() == {"can", f"{PROBE}open"}
+    experiments = experiments_for(model)
+    assert experiments["slide"]["velocity"].keys() == {"can"}
+    assert experiments["press"]["force"].keys() == {"can", f"{PROBE}open"}

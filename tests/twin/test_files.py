@@ -83,8 +83,8 @@ def test_a_value_of_an_included_file_is_written_there(cell: Path, tmp_path: Path
         "parts/more.xml",
         "meshes/cube.obj",
     }
-    things = (tmp_path / "out/parts/things.xml").read_text()
-    assert things == THINGS.replace("mass='?'", "mass='0.2500'")
+    bodies = (tmp_path / "out/parts/things.xml").read_text()
+    assert bodies == THINGS.replace("mass='?'", "mass='0.2500'")
     assert (tmp_path / "out/parts/more.xml").read_text() == MORE
     main = (tmp_path / "out/twin.xml").read_text()
     assert main.replace(main[main.index("  <custom>") : main.index("</mujoco>")], "") == MAIN

@@ -338,19 +338,19 @@ def test_completing_a_scene_answers_every_mark_and_says_what_was_assumed(tmp_pat
     path = tmp_path / "scene.xml"
     path.write_text(SCENE.replace('type="cylinder"', 'type="cylinder" mass="?"'))
     scene = load_scene(path)
-    made = complete(scene, [estimate("bottle", "mass", 0.254)])
-    assert made.notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
-    assert unfilled_unknowns(made.texts.main) == []
-    mujoco.MjModel.from_xml_string(made.texts.main)
-    made = complete(scene, [estimate("table", "height", 0.181)])
-    assert [n.split(" was")[0] for n in made.notes] == ["bottle.mass"]
-    assert "palpate_bottle" not in made.texts.main, "an assumption is not recorded as an estimate"
+    twin = complete(scene, [estimate("bottle", "mass", 0.254)])
+    assert twin.notes == ("table.height was not measured; the twin holds the assumed value 0.18",)
+    assert unfilled_unknowns(twin.texts.main) == []
+    mujoco.MjModel.from_xml_string(twin.texts.main)
+    twin = complete(scene, [estimate("table", "height", 0.181)])
+    assert [n.split(" was")[0] for n in twin.notes] == ["bottle.mass"]
+    assert "palpate_bottle" not in twin.texts.main, "an assumption is not recorded as an estimate"
 
 
 def test_a_measured_value_that_cannot_be_written_is_not_called_unmeasured() -> None:
     scene = parse_scene(SCENE.replace('type="cylinder"', 'type="cylinder" mass="?"'))
-    made = complete(scene, [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)])
-    refused, assumed = made.notes
+    twin = complete(scene, [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)])
+    refused, assumed = twin.notes
     assert refused.startswith("bottle.mass is not in the twin: ")
     assert assumed.startswith("bottle.mass: the twin holds the assumed value ")
     # Without a value of its own, as where the evidence disagrees.
@@ -364,24 +364,24 @@ def test_an_assumed_inertia_goes_with_the_measured_mass_and_centre() -> None:
         '<inertial pos="?" mass="?" diaginertia="?"/>'
         '<geom type="box" size=".1 .02 .03" friction="1"/></body></worldbody></mujoco>'
     )
-    made = complete(
+    twin = complete(
         parse_scene(text), [estimate("a", "mass", 0.6), estimate("a", "com", 0.04, 0.0, 0.0)]
     )
-    assert [n.split(" was")[0] for n in made.notes] == ["a.inertia"]
+    assert [n.split(" was")[0] for n in twin.notes] == ["a.inertia"]
     about_middle = 0.6 / 12 * (0.2**2 + 0.06**2)
-    assert max(body(made.texts.main, "a").inertia) == pytest.approx(
+    assert max(body(twin.texts.main, "a").inertia) == pytest.approx(
         about_middle + 0.6 * 0.04**2, rel=1e-5
     )
 
 
 def test_a_value_that_makes_no_sense_stays_out_with_a_note() -> None:
-    made = complete(
+    twin = complete(
         parse_scene(SCENE), [estimate("bottle", "mass", -0.002), estimate("table", "height", 0.18)]
     )
-    assert [n for n in made.notes if n.startswith("bottle.mass is not in the twin")]
-    assert made.unwritten == (Parameter("bottle.mass"),)
-    assert body(made.texts.main, "bottle").mass[0] > 0
-    assert "palpate_bottle" not in made.texts.main
+    assert [n for n in twin.notes if n.startswith("bottle.mass is not in the twin")]
+    assert twin.unwritten == (Parameter("bottle.mass"),)
+    assert body(twin.texts.main, "bottle").mass[0] > 0
+    assert "palpate_bottle" not in twin.texts.main
 
 
 ODD = """<mujoco>{before}<worldbody>
@@ -423,27 +423,27 @@ HANDLE = '<geom type="box" pos=".04 0 0" size=".01 .01 .02"'
 def test_mujoco_reads_the_written_value(mug: str, before: str) -> None:
     scene = parse_scene(ODD.format(before=before, mug=mug))
     assert "mass" in scene.body("mug").missing
-    made = complete(scene, [estimate("mug", "mass", 0.18)])
-    assert made.unwritten == ()
-    model = mujoco.MjModel.from_xml_string(made.texts.main)
+    twin = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert twin.unwritten == ()
+    model = mujoco.MjModel.from_xml_string(twin.texts.main)
     assert model.body_subtreemass[model.body("mug").id] == pytest.approx(0.18, rel=1e-5)
 
 
 def test_a_value_that_the_file_overrules_is_not_in_the_twin() -> None:
     before = '<compiler settotalmass="2"/>'
     scene = parse_scene(ODD.format(before=before, mug=f"{WALL}/>"))
-    made = complete(scene, [estimate("mug", "mass", 0.18)])
-    assert made.unwritten == (Parameter("mug.mass"),)
-    assert "another statement of the file overrides it" in made.notes[0]
+    twin = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert twin.unwritten == (Parameter("mug.mass"),)
+    assert "another statement of the file overrides it" in twin.notes[0]
     with pytest.raises(InputError, match="cannot be stated in this file"):
         inject(scene.text, {Parameter("mug.mass"): (0.18,)})
 
 
 def test_parts_that_outweigh_the_whole_are_reported() -> None:
     scene = parse_scene(ODD.format(before="", mug=f'{WALL}/>{HANDLE} mass="0.3"/>'))
-    made = complete(scene, [estimate("mug", "mass", 0.18)])
-    assert made.unwritten == (Parameter("mug.mass"),)
-    assert "the parts with a stated mass weigh 0.3 kg" in made.notes[0]
+    twin = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert twin.unwritten == (Parameter("mug.mass"),)
+    assert "the parts with a stated mass weigh 0.3 kg" in twin.notes[0]
 
 
 def test_unknown_names_are_refused() -> None:
@@ -598,9 +598,9 @@ def test_a_friction_that_is_written_acts(text: str) -> None:
     ],
 )
 def test_a_friction_that_would_not_act_is_not_in_the_twin(text: str, reason: str) -> None:
-    made = complete(parse_scene(text), [estimate("cup", "friction", 0.42)])
-    assert [str(parameter) for parameter in made.unwritten] == ["cup.friction"]
-    assert reason in made.notes[0]
+    twin = complete(parse_scene(text), [estimate("cup", "friction", 0.42)])
+    assert [str(parameter) for parameter in twin.unwritten] == ["cup.friction"]
+    assert reason in twin.notes[0]
 
 
 @pytest.mark.parametrize(
@@ -615,8 +615,8 @@ def test_a_value_that_the_compiler_overrules_is_not_in_the_twin(
     compiler: str, quantity: str, value: tuple[float, ...]
 ) -> None:
     text = rubbing(f"<compiler {compiler}/>", cup='friction="0.4"')
-    made = complete(parse_scene(text), [estimate("cup", quantity, *value, std=1e-6)])
-    assert [str(parameter) for parameter in made.unwritten] == [f"cup.{quantity}"]
+    twin = complete(parse_scene(text), [estimate("cup", quantity, *value, std=1e-6)])
+    assert [str(parameter) for parameter in twin.unwritten] == [f"cup.{quantity}"]
 
 
 def test_a_hollow_part_next_to_a_stated_one_is_weighed() -> None:
@@ -634,9 +634,9 @@ def test_a_tied_object_was_not_weighed_alone(tie: str) -> None:
     lid = '<body name="lid" pos="0 0 0.13"><freejoint/><geom size=".01" mass="0.1" friction="1"/></body>'
     text = rubbing(cup='friction="0.4"', after=f"<equality>{tie}</equality>")
     text = text.replace('mass="0.2"', "").replace("</worldbody>", f"{lid}</worldbody>")
-    made = complete(parse_scene(text), [estimate("cup", "mass", 0.3)])
-    assert [str(parameter) for parameter in made.unwritten] == ["cup.mass"]
-    assert "it is tied to 'lid' (<equality>), and was lifted with it" in made.notes[0]
+    twin = complete(parse_scene(text), [estimate("cup", "mass", 0.3)])
+    assert [str(parameter) for parameter in twin.unwritten] == ["cup.mass"]
+    assert "it is tied to 'lid' (<equality>), and was lifted with it" in twin.notes[0]
     loose = text.replace("body1", 'active="false" body1')
     assert complete(parse_scene(loose), [estimate("cup", "mass", 0.3)]).unwritten == ()
 
@@ -656,16 +656,16 @@ def test_a_tied_object_was_not_weighed_alone(tie: str) -> None:
 def test_an_object_under_other_forces_was_not_weighed(joint: str, body: str, before: str) -> None:
     text = ODD.format(before=before, mug=f"{WALL}/>").replace("<freejoint/>", joint)
     scene = parse_scene(text.replace('name="mug"', f'name="mug" {body}'))
-    made = complete(scene, [estimate("mug", "mass", 0.18)])
-    assert made.unwritten == (Parameter("mug.mass"),)
+    twin = complete(scene, [estimate("mug", "mass", 0.18)])
+    assert twin.unwritten == (Parameter("mug.mass"),)
 
 
 def test_an_object_that_cannot_be_weighed_alone_is_noted_beforehand() -> None:
     text = ODD.format(before="", mug=f"{WALL}/>").replace('"mug"', '"mug" gravcomp="1"')
-    told = " ".join(remarks(parse_scene(text)))
+    message = " ".join(remarks(parse_scene(text)))
     assert (
         "A measurement of 'mug' in the hand would be wrong: gravcomp carries a part of its weight"
-        in told
+        in message
     )
 
 
@@ -679,8 +679,8 @@ def test_weak_forces_do_not_keep_an_object_from_being_weighed() -> None:
 def test_keyframes_keep_their_places_and_a_note_says_so() -> None:
     text = SCENE.replace("</mujoco>", '<keyframe><key qpos="{}"/></keyframe></mujoco>')
     text = text.format("0.5 0.1 0.28 1 0 0 0 0.5 -0.2 0.23 1 0 0 0")
-    made = complete(parse_scene(text), [estimate("table", "height", 0.181)])
-    assert "the keyframes keep their stated poses" in made.notes
+    twin = complete(parse_scene(text), [estimate("table", "height", 0.181)])
+    assert "the keyframes keep their stated poses" in twin.notes
     weighed = complete(parse_scene(SCENE), [estimate("table", "height", 0.181)])
     assert not any("keyframes" in note for note in weighed.notes)
 
@@ -699,8 +699,8 @@ def test_a_static_body_on_a_surface_follows_its_measured_height(top: float) -> N
     """And what stands on that body; a body beside the surface stays."""
     floor = '<geom name="step" type="box" size=".1 .2 .05" pos="-.5 0 .05"/>'
     text = ON_TABLE.format(other=floor)
-    made = complete(parse_scene(text), [estimate("table", "height", top)])
-    before, after = parse_scene(text).bodies, parse_scene(made.texts.main).bodies
+    twin = complete(parse_scene(text), [estimate("table", "height", top)])
+    before, after = parse_scene(text).bodies, parse_scene(twin.texts.main).bodies
     rise = top - 0.22
     for name, by in (("shelf", rise), ("cup", rise), ("can", rise), ("step", 0.0)):
         assert after[name].bottom_z() - before[name].bottom_z() == pytest.approx(by, abs=1e-6), name

@@ -58,7 +58,7 @@ def terms(file: Path) -> dict[str, tuple[str, dict[str, ast.expr]]]:
     """Functions and parameters by the name of the term, as the module states them."""
     (returned,) = [n for n in ast.walk(ast.parse(file.read_text())) if isinstance(n, ast.Return)]
     assert isinstance(returned.value, ast.Dict)
-    found: dict[str, tuple[str, dict[str, ast.expr]]] = {}
+    result: dict[str, tuple[str, dict[str, ast.expr]]] = {}
     for key, call in zip(returned.value.keys, returned.value.values, strict=True):
         assert isinstance(key, ast.Constant)
         assert isinstance(call, ast.Call)
@@ -67,8 +67,8 @@ def terms(file: Path) -> dict[str, tuple[str, dict[str, ast.expr]]]:
         assert isinstance(params, ast.Dict)
         names = [ast.literal_eval(name) for name in params.keys if name is not None]
         rows = dict(zip(names, params.values, strict=True))
-        found[key.value] = ast.unparse(given["func"]), rows
-    return found
+        result[key.value] = ast.unparse(given["func"]), rows
+    return result
 
 
 @pytest.fixture
@@ -86,8 +86,8 @@ def folder(tmp_path: Path) -> Path:
 
 
 def test_mjlab_scales_mass_and_inertia_together(folder: Path) -> None:
-    found = terms(folder / "mjlab_events.py")
-    function, params = found[f"{ODD}.mass"]
+    rows = terms(folder / "mjlab_events.py")
+    function, params = rows[f"{ODD}.mass"]
     assert function == "dr.pseudo_inertia"
     low, high = ast.literal_eval(params["alpha_range"])
     assert 0.3 * math.exp(2 * low) == pytest.approx(0.3 - 1.96 * 0.01, rel=1e-5)
@@ -95,7 +95,7 @@ def test_mjlab_scales_mass_and_inertia_together(folder: Path) -> None:
     entity = params["asset_cfg"]
     assert isinstance(entity, ast.Call)
     assert ast.literal_eval(entity.args[0]) == ODD
-    offsets = ast.literal_eval(found[f"{ODD}.com"][1]["ranges"])
+    offsets = ast.literal_eval(rows[f"{ODD}.com"][1]["ranges"])
     assert offsets[2] == pytest.approx((-1.96 * 3e-3, 1.96 * 3e-3))
 
 
@@ -121,12 +121,12 @@ def test_a_mass_is_drawn_before_the_centre_of_mass_in_any_order(tmp_path: Path) 
 
 
 def test_a_fixture_draws_its_joint(folder: Path) -> None:
-    found = terms(folder / "mjlab_events.py")
-    function, params = found["door.damping"]
+    rows = terms(folder / "mjlab_events.py")
+    function, params = rows["door.damping"]
     assert function == "dr.joint_damping"
     assert ast.literal_eval(params["ranges"]) == pytest.approx((0.0, 5 + 1.96 * 4), rel=1e-4)
     assert "joint_names='.*'" in ast.unparse(params["asset_cfg"])
-    limits = ast.literal_eval(found["door.range"][1]["ranges"])
+    limits = ast.literal_eval(rows["door.range"][1]["ranges"])
     assert limits == {1: pytest.approx((1.5 - 1.96 * 0.01, 1.5 + 1.96 * 0.01), rel=1e-4)}
 
 
@@ -136,14 +136,14 @@ def test_a_surface_moves_by_its_own_name(folder: Path) -> None:
 
 
 def test_every_number_has_its_interval(folder: Path) -> None:
-    found = json.loads((folder / "ranges.json").read_text())
-    assert [row["name"].removeprefix(ODD) for row in found["numbers"]] == [
+    document = json.loads((folder / "ranges.json").read_text())
+    assert [row["name"].removeprefix(ODD) for row in document["numbers"]] == [
         *(".mass", ".friction", ".com x", ".com y", ".com z"),
         *("desk.height", "door.frictionloss", "door.damping", "door.spring"),
         *("door.range x", "door.range y", "mat.stiffness"),
     ]
-    assert np.sqrt(np.diag(found["covariance"])) == pytest.approx(
-        [row["std"] for row in found["numbers"]]
+    assert np.sqrt(np.diag(document["covariance"])) == pytest.approx(
+        [row["std"] for row in document["numbers"]]
     )
 
 

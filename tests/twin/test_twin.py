@@ -147,7 +147,7 @@ def test_the_pair_of_a_friction_acts_and_is_said_where_the_support_may_decide(
     """On a table of 0.5: 0.3 acts although MuJoCo takes the larger; 0.502 may be the table's."""
     text = SCENE.format(pos="0.5 0 0.05").replace('friction="0.6"', 'friction="0.5"')
     slid = Recording("gripper_forces", 0.0, 1.0, Context("sliding", holding="cup", support="table"))
-    found = replace(estimate(Parameter("cup", "friction"), value), evidence=(slid,))
-    twin = build(parse_scene(text), found)
+    changed = replace(estimate(Parameter("cup", "friction"), value), evidence=(slid,))
+    twin = build(parse_scene(text), changed)
     assert any("pair with table" in note for note in twin.notes) == is_said
     assert acting_friction(parse_scene(twin.xml).resolved.description.bodies["cup"]) == value

@@ -92,9 +92,11 @@ def test_settling_is_bounded_in_time() -> None:
 
 
 def test_the_arms_own_bias_is_no_residual() -> None:
-    found = compare(trace(force=2.0, z=0.1, bias=0.7), mean_recordings(trace(force=2.0, z=0.1)))
-    assert found.force == pytest.approx(0.0, abs=1e-12)
-    assert found.position == pytest.approx(0.0, abs=1e-12)
+    comparison = compare(
+        trace(force=2.0, z=0.1, bias=0.7), mean_recordings(trace(force=2.0, z=0.1))
+    )
+    assert comparison.force == pytest.approx(0.0, abs=1e-12)
+    assert comparison.position == pytest.approx(0.0, abs=1e-12)
     without_rest = compare(
         trace(force=2.0, z=0.1, bias=0.7, empty=False),
         mean_recordings(trace(force=2.0, z=0.1, empty=False)),
@@ -103,9 +105,9 @@ def test_the_arms_own_bias_is_no_residual() -> None:
 
 
 def test_a_residual_is_the_difference_of_means() -> None:
-    found = compare(trace(force=2.5, z=0.100), mean_recordings(trace(force=2.0, z=0.103)))
-    assert found.force == pytest.approx(0.5)
-    assert found.position == pytest.approx(0.003)
+    comparison = compare(trace(force=2.5, z=0.100), mean_recordings(trace(force=2.0, z=0.103)))
+    assert comparison.force == pytest.approx(0.5)
+    assert comparison.position == pytest.approx(0.003)
 
 
 def test_a_trace_without_recordings_has_no_figures() -> None:

@@ -47,10 +47,10 @@ def scene() -> Scene:
 def rules(plan: Plan, scene: Scene | None, **options: bool) -> dict[str, str]:
     """Rule to the path of its first finding; every rule is documented and every message a
     sentence."""
-    found = check(plan, scene, **options)
-    assert {f.rule for f in found} <= RULES.keys()
-    assert all(len(f.message) > 15 for f in found)
-    return {f.rule: f.path for f in reversed(found)}
+    findings = check(plan, scene, **options)
+    assert {f.rule for f in findings} <= RULES.keys()
+    assert all(len(f.message) > 15 for f in findings)
+    return {f.rule: f.path for f in reversed(findings)}
 
 
 def changed(actions: list[str], at: int, *new: str | Node) -> list[str | Node]:
@@ -205,8 +205,8 @@ def test_a_broken_rule_is_found_at_its_place(
     scene: Scene, rule: str, path: str, tree: list[str | Node] | Node
 ):
     root = tree if isinstance(tree, Node) else sequence(*tree)
-    found = rules(plan(root, "bottle.mass"), scene)
-    assert found.get(rule) == path, found
+    broken_rules = rules(plan(root, "bottle.mass"), scene)
+    assert broken_rules.get(rule) == path, broken_rules
 
 
 @pytest.mark.parametrize("then", ["MoveJoints home_config", AT])
@@ -221,25 +221,28 @@ def test_two_motions_of_the_arm_in_parallel_are_found_at_any_depth(scene: Scene)
     tree = sequence(
         "MoveJoints home_config", "OpenGripper", parallel(*branches), "MoveJoints home_config"
     )
-    found = check(plan(tree, "bottle.mass", "crate.mass"), scene)
-    assert {(f.path, f.rule) for f in found} == {("tree.children[2]", "one-owner")}
-    assert "arm" in found[0].message
-    assert "gripper" in found[1].message
+    findings = check(plan(tree, "bottle.mass", "crate.mass"), scene)
+    assert {(f.path, f.rule) for f in findings} == {("tree.children[2]", "one-owner")}
+    assert "arm" in findings[0].message
+    assert "gripper" in findings[1].message
 
 
 def test_a_conversion_in_parallel_with_its_sensing_comes_too_early(scene: Scene):
     together = parallel("MeasureForces", "Force2Mass")
     tree = sequence(*changed(weigh("bottle")[:7] + weigh("bottle")[8:], 6, together))
-    found = rules(plan(tree, "bottle.mass"), scene)
-    assert found["buffer-unwritten"] == "tree.children[6].children[1]"
+    broken_rules = rules(plan(tree, "bottle.mass"), scene)
+    assert broken_rules["buffer-unwritten"] == "tree.children[6].children[1]"
 
 
 def test_a_parameter_that_nothing_converts_is_found_after_a_failed_action(scene: Scene):
     steps = ["MovePose bottle_pose + z_offset"]  # a closed hand, and nothing is measured
-    found = rules(
+    broken_rules = rules(
         plan(sequence("MoveJoints home_config", "CloseGripper", *steps), "bottle.mass"), scene
     )
-    assert (found["gripper-state"], found["undischarged"]) == ("tree.children[1]", "parameters[0]")
+    assert (broken_rules["gripper-state"], broken_rules["undischarged"]) == (
+        "tree.children[1]",
+        "parameters[0]",
+    )
 
 
 def test_known_quantities_are_not_measured_unless_remeasured(scene: Scene):
@@ -258,10 +261,10 @@ def test_unrelated_objects_are_not_touched(scene: Scene):
         "OpenGripper",
         "MovePose mug_pose + z_offset",
     ]
-    found = rules(
+    broken_rules = rules(
         plan(sequence(*weigh("bottle")[:2], *detour, *weigh("bottle")[2:]), "bottle.mass"), scene
     )
-    assert found == {"untouched": "tree.children[4]"}
+    assert broken_rules == {"untouched": "tree.children[4]"}
 
 
 def test_a_tree_without_parameters_touches_nothing(scene: Scene):
@@ -274,9 +277,9 @@ def test_a_tree_without_parameters_touches_nothing(scene: Scene):
 def test_an_object_in_the_way_is_a_finding_and_may_be_moved():
     near = '<body name="wall" pos="0.50 0.052 0.08"><freejoint/><geom type="box" size=".1 .02 .08" mass=".3"/></body>'
     crowded = bench(BOTTLE, near, poses="grasps: {bottle: {pos: [0, 0, 0.045], yaw: 0}}")
-    found = rules(plan(sequence(*weigh("bottle")), "bottle.mass"), crowded)
+    broken_rules = rules(plan(sequence(*weigh("bottle")), "bottle.mass"), crowded)
     # The open fingers are in the wall from then on, and would go on into it as they open again.
-    assert found == {"blocked": "tree.children[3]", "collision": "tree.children[9]"}
+    assert broken_rules == {"blocked": "tree.children[3]", "collision": "tree.children[9]"}
 
 
 @pytest.mark.parametrize(
@@ -305,8 +308,8 @@ def test_parameters_are_gaps_that_the_tree_yields(scene: Scene, parameters: list
 def test_parameters_are_those_requested(scene: Scene):
     weighed = plan(sequence(*weigh("bottle")), "bottle.mass")
     assert check(weighed, scene, requested=parameters("bottle.mass")) == ()
-    found = check(weighed, scene, requested=parameters("bench.height"))
-    assert [(f.path, f.rule) for f in found] == [
+    findings = check(weighed, scene, requested=parameters("bench.height"))
+    assert [(f.path, f.rule) for f in findings] == [
         ("parameters", "requested"),
         ("parameters[0]", "requested"),
     ]
@@ -320,11 +323,11 @@ def test_a_plan_without_a_tree_explains_and_promises_nothing(scene: Scene):
 
 def test_a_plan_without_a_scene_is_checked_for_grammar():
     assert check(plan(sequence(*weigh("anything")), "anything.mass"), None) == ()
-    found = rules(
+    broken_rules = rules(
         plan(sequence("Force2Mass", "Jump", parallel("OpenGripper", "CloseGripper")), "x.mass"),
         None,
     )
-    assert found == {
+    assert broken_rules == {
         "buffer-unwritten": "tree.children[0]",
         "unknown-primitive": "tree.children[1]",
         "one-owner": "tree.children[2]",
@@ -332,14 +335,14 @@ def test_a_plan_without_a_scene_is_checked_for_grammar():
 
 
 def test_a_misspelt_primitive_is_recognised(scene: Scene):
-    found = check(plan(sequence("movepose bottle_pose")), scene)
-    assert "'MovePose'?" in found[0].message
+    findings = check(plan(sequence("movepose bottle_pose")), scene)
+    assert "'MovePose'?" in findings[0].message
 
 
 def test_reachability_can_be_injected(scene: Scene):
     weighed = plan(sequence(*weigh("bottle")), "bottle.mass")
-    found = check(weighed, scene, reachable=lambda pose: pose.position[2] > 0.15)
-    assert {(f.path, f.rule) for f in found} == {
+    findings = check(weighed, scene, reachable=lambda pose: pose.position[2] > 0.15)
+    assert {(f.path, f.rule) for f in findings} == {
         ("tree.children[3]", "unreachable"),
         ("tree.children[8]", "unreachable"),
     }
@@ -402,9 +405,9 @@ trees = st.recursive(
 )
 @settings(max_examples=300, deadline=None)
 def test_any_tree_is_judged_without_an_exception(scene: Scene, tree: Node, promised: list[object]):
-    found = check(Plan(tuple(promised), tree, ""), scene)  # type: ignore[arg-type]
-    assert len(found) <= MAX_FINDINGS
-    assert all(f.path and f.rule in RULES and f.message for f in found)
+    findings = check(Plan(tuple(promised), tree, ""), scene)  # type: ignore[arg-type]
+    assert len(findings) <= MAX_FINDINGS
+    assert all(f.path and f.rule in RULES and f.message for f in findings)
     check(Plan((), tree, ""), None)
 
 

@@ -19,8 +19,8 @@ from palpate.studies.scenarios.catalogue import scenario
 
 
 def findings(text: str, scene: Scene) -> list[str]:
-    _, found = VlmPlanner("openai").judge(text, scene, REQUEST)
-    return found
+    _, result = VlmPlanner("openai").judge(text, scene, REQUEST)
+    return result
 
 
 def in_every_node(change: Callable[[dict[str, Any]], object]) -> str:
@@ -38,16 +38,16 @@ def in_every_node(change: Callable[[dict[str, Any]], object]) -> str:
 def test_a_blocked_grasp_is_one_finding_with_all_its_places() -> None:
     asked = scenario("occlusion").settings()
     text = answer(*weighing("light_blue_box"), parameters=("light_blue_box.mass",))
-    (found,) = findings(text, load_scene(asked.scene))
-    assert "carry it to 'red_box_temporary' first" in found
-    assert "(the same at tree.children[7], tree.children[8])" in found
+    (result,) = findings(text, load_scene(asked.scene))
+    assert "carry it to 'red_box_temporary' first" in result
+    assert "(the same at tree.children[7], tree.children[8])" in result
 
 
 def test_a_strange_argument_of_every_node_is_one_short_finding() -> None:
     text = in_every_node(lambda node: node.update(comment="a step"))
-    (found,) = findings(text, parse_scene(SCENE))
-    assert "'comment' is not an argument of 14 nodes that have it" in found
-    assert len(found) < 250
+    (result,) = findings(text, parse_scene(SCENE))
+    assert "'comment' is not an argument of 14 nodes that have it" in result
+    assert len(result) < 250
 
 
 def test_a_harmless_id_of_every_node_is_no_finding() -> None:
@@ -57,10 +57,10 @@ def test_a_harmless_id_of_every_node_is_no_finding() -> None:
 
 
 def test_a_misspelt_argument_keeps_its_remedy() -> None:
-    (found,) = findings(GOOD.replace('"pose"', '"posture"'), parse_scene(SCENE))
-    assert "did you mean 'pose'?" in found
-    assert "(the same at tree.children[3], " in found
-    assert "tree.children[9]), " in found
+    (result,) = findings(GOOD.replace('"pose"', '"posture"'), parse_scene(SCENE))
+    assert "did you mean 'pose'?" in result
+    assert "(the same at tree.children[3], " in result
+    assert "tree.children[9]), " in result
 
 
 def test_other_faults_stay_apart() -> None:

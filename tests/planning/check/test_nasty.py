@@ -85,10 +85,10 @@ class Case:
     def findings(self) -> dict[str, str]:
         """Rule to message of the plan's findings, those of economy left out."""
         scene = self.scene()
-        made = Plan((), sequence(*self.steps), " ".join(scene.objects))
-        found = check(made, scene, remeasure=True)
-        assert {finding.rule for finding in found} <= RULES.keys()
-        return {f.rule: f.message for f in found if f.rule not in ("untouched", "redundant")}
+        plan = Plan((), sequence(*self.steps), " ".join(scene.objects))
+        findings = check(plan, scene, remeasure=True)
+        assert {finding.rule for finding in findings} <= RULES.keys()
+        return {f.rule: f.message for f in findings if f.rule not in ("untouched", "redundant")}
 
 
 def carried(*poses: str) -> tuple[str, ...]:
@@ -378,14 +378,14 @@ CASES = [
 
 @pytest.mark.parametrize("case", CASES, ids=[case.name for case in CASES])
 def test_a_harmful_plan_is_found_and_a_harmless_variant_passes(case: Case) -> None:
-    found = case.findings()
-    found.pop("not-restored", None)
-    found.pop("gripper-at-end", None)
+    result = case.findings()
+    result.pop("not-restored", None)
+    result.pop("gripper-at-end", None)
     if case.rule is None:
-        assert found == {}
+        assert result == {}
     else:
-        assert case.rule in found, found
-        assert len(found[case.rule]) > 20
+        assert case.rule in result, result
+        assert len(result[case.rule]) > 20
 
 
 @st.composite
@@ -433,8 +433,8 @@ other = st.one_of(
 @given(mutated())
 @settings(max_examples=60, deadline=None)
 def test_a_mutated_plan_is_judged_and_never_raises(tree: Node) -> None:
-    found = check(plan(tree, "bottle.mass"), crowded())
-    assert all(finding.rule in RULES and finding.message for finding in found)
+    findings = check(plan(tree, "bottle.mass"), crowded())
+    assert all(finding.rule in RULES and finding.message for finding in findings)
 
 
 @cache
@@ -444,8 +444,10 @@ def crowded() -> Scene:
 
 def test_a_parallel_with_a_pose_that_does_not_exist_is_a_finding() -> None:
     tree = sequence(HOME, OPEN, parallel("MovePose nowhere", "MeasureForces"), HOME)
-    found = {finding.rule: finding.path for finding in check(plan(tree, "bottle.mass"), crowded())}
-    assert found["unknown-symbol"] == "tree.children[2].children[0]"
+    by_name = {
+        finding.rule: finding.path for finding in check(plan(tree, "bottle.mass"), crowded())
+    }
+    assert by_name["unknown-symbol"] == "tree.children[2].children[0]"
 
 
 def test_the_set_has_more_than_thirty_nasty_plans() -> None:

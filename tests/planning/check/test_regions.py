@@ -29,8 +29,8 @@ def test_a_plan_is_refused_where_a_part_of_the_region_does_not_pass(bar):
 
 def test_an_object_put_down_elsewhere_than_its_grasp_is_not_restored(bar):
     carried = sequence(*START, *visit("bar_balance")[:5], *visit("bar_pose")[5:], HOME)
-    found = {finding.rule: finding.message for finding in check(plan(carried), bar)}
-    assert "estimated in the run" in found["not-restored"]
+    by_name = {finding.rule: finding.message for finding in check(plan(carried), bar)}
+    assert "estimated in the run" in by_name["not-restored"]
 
 
 def test_a_motion_between_two_estimated_poses_is_refused():
@@ -38,6 +38,6 @@ def test_a_motion_between_two_estimated_poses_is_refused():
     hop = sequence(
         *START, "MovePose bar_balance + z_offset", "MovePose rod_balance + z_offset", HOME
     )
-    (finding,) = (one for one in check(plan(hop), two) if one.rule == "unknown-start")
+    (finding,) = (item for item in check(plan(hop), two) if item.rule == "unknown-start")
     assert finding.path == "tree.children[3]"
     assert "MovePose to 'rod_pose + z_offset' first" in finding.message

@@ -89,8 +89,8 @@ def test_a_draft_is_not_the_plan_where_the_final_one_is_cut_off(end: int) -> Non
 
 
 def test_a_tag_in_the_text_of_a_plan_is_text() -> None:
-    said = "It has a </think> on it."
-    assert read_answer(json.dumps(PLAN | {"explanation": said})).plan.explanation == said
+    text = "It has a </think> on it."
+    assert read_answer(json.dumps(PLAN | {"explanation": text})).plan.explanation == text
 
 
 def test_brackets_in_prose_are_no_reasoning() -> None:

@@ -44,11 +44,11 @@ def test_a_plan_is_recognised_in_any_surrounding_text(kind: str, scene: Scene) -
 
 @pytest.mark.parametrize("kind", FOUND)
 def test_an_unreadable_answer_is_a_finding_that_names_the_fault(kind: str, scene: Scene) -> None:
-    answer, told = FOUND[kind]
+    answer, message = FOUND[kind]
     started = time.monotonic()
     _, findings = VlmPlanner("openai").judge(answer, scene, REQUEST)
     assert time.monotonic() - started < PATIENCE
-    assert any(told in finding for finding in findings), findings
+    assert any(message in finding for finding in findings), findings
     assert all(len(finding) > 15 for finding in findings)
     assert KEY not in feedback(findings)
 
@@ -61,10 +61,10 @@ def test_more_than_a_hundred_answers_are_tried() -> None:
 def test_an_unreadable_answer_costs_one_round_of_feedback_and_no_key_is_kept(
     kind: str, scene: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
-    answer, told = FOUND[kind]
+    answer, message = FOUND[kind]
     with Loopback(Says(answer), Says(GOOD)) as server, caplog.at_level(logging.DEBUG):
         planner = VlmPlanner("openai", ModelSettings(base_url=server.url("openai"), rounds=1))
         assert planner.plan(REQUEST, scene).tree is not None
-    assert told in server.requests[1].user
+    assert message in server.requests[1].user
     assert planner.conversation is not None
     assert KEY not in planner.conversation.dump() + caplog.text

@@ -35,12 +35,12 @@ TURNED = """<mujoco><worldbody>
 
 
 def scenes() -> dict[str, Scene]:
-    found = {"turned": parse_scene(TURNED)}
+    values = {"turned": parse_scene(TURNED)}
     for name in ("fifteen_objects", "hammer", "occlusion", "clutter", "thermometer"):
         settings = scenario(name).settings()
         assert settings.scene is not None
-        found[name] = load_scene(settings.scene, settings.poses)
-    return found
+        values[name] = load_scene(settings.scene, settings.poses)
+    return values
 
 
 @pytest.mark.parametrize("name", scenes())
@@ -100,9 +100,9 @@ def test_a_literal_reader_plans_every_scenario_at_once(
             reader = Reader.of(request.system, request.user)
             if seen:
                 reader = Reader.without_scene(request.system, request.user, seen)
-            said = f"The {tool} is read by a person." if tool else "As the prompt says."
+            text = f"The {tool} is read by a person." if tool else "As the prompt says."
             parameters = [str(parameter) for parameter in task.expects]
-            answer = reader.answer(parameters, said, blocking, tool)
+            answer = reader.answer(parameters, text, blocking, tool)
             answers.append(json.dumps({**answer, "scene": seen} if seen else answer))
         return Says(answers[0])
 

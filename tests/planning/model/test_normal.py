@@ -71,7 +71,7 @@ def renamed(old: str, new: str) -> Callable[[dict[str, Any]], dict[str, Any]]:
 def in_parameters(change: Callable[[dict[str, Any]], Any]) -> Deform:
     return lambda document, _: {
         **document,
-        "parameters": [change(one) for one in document["parameters"]],
+        "parameters": [change(item) for item in document["parameters"]],
     }
 
 

@@ -88,11 +88,11 @@ def test_request_scene_poses_and_image_become_a_plan(
 
 @pytest.mark.parametrize("kind", BAD)
 def test_a_bad_answer_is_repaired_from_its_findings(kind: str, scene: Scene) -> None:
-    text, told = BAD[kind]
+    text, message = BAD[kind]
     with Loopback(Says(text), Says(GOOD)) as server:
         asked = planner(server)
         plan = asked.plan(REQUEST, scene)
-        assert told in server.requests[1].user
+        assert message in server.requests[1].user
         assert server.requests[1].system == server.requests[0].system
     assert check(plan, scene) == ()
     assert asked.conversation is not None
@@ -290,24 +290,24 @@ CAMERA = "camera: {pos: [1.15, 0, 1.1], quat: [0.6826, 0.18454, 0.18454, 0.6826]
 
 def test_the_scene_is_built_of_the_detected_objects(picture: Path) -> None:
     builder = SceneBuilder(parse_poses(CAMERA))
-    things = [
+    rows = [
         {"name": "desk", "shape": "plane", "bbox": [0.152, 0.301, 0.848, 0.936], "height": 0.01},
         {"name": "cup", "shape": "cylinder", "bbox": [0.549, 0.347, 0.608, 0.513]},
     ]
     with Loopback(
         Says(GOOD),
-        Says(json.dumps(json.loads(GOOD) | {"scene": things[1:]})),
-        Says(json.dumps(json.loads(GOOD) | {"scene": things})),
+        Says(json.dumps(json.loads(GOOD) | {"scene": rows[1:]})),
+        Says(json.dumps(json.loads(GOOD) | {"scene": rows})),
     ) as server:
         asked = planner(server, builder=builder)
         plan: Plan = asked.plan(REQUEST, None, [picture])
-        told = [request.user for request in server.requests]
-    assert "list what the image shows" in told[0]
-    assert "list the objects that the image shows" in told[1]
-    assert "'plane'" in told[2]
+        items = [request.user for request in server.requests]
+    assert "list what the image shows" in items[0]
+    assert "list the objects that the image shows" in items[1]
+    assert "'plane'" in items[2]
     assert plan.parameters == (Parameter("cup", "mass"),)
     assert asked.seen is not None
-    assert [thing.name for thing in asked.seen.objects] == ["desk", "cup"]
+    assert [body.name for body in asked.seen.objects] == ["desk", "cup"]
 
 
 def test_a_picture_and_its_camera_are_needed_without_a_scene(picture: Path) -> None:

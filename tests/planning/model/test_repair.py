@@ -81,16 +81,16 @@ def test_two_faults_are_reported_together_and_mended_together(tray: Scene) -> No
 @pytest.mark.parametrize("fault", FAULTS, ids=[fault.name for fault in FAULTS])
 def test_the_findings_mend_every_broken_rule_in_two_rounds(fault: Fault) -> None:
     scene, model, planner = fault.scene(), Model(fault.answer()), VlmPlanner("openai")
-    told: list[list[str]] = []
+    answer_text: list[list[str]] = []
 
     def judged(text: str) -> tuple[Plan | None, list[str]]:
         plan, findings = planner.judge(text, scene, fault.request)
-        told.append(findings)
+        answer_text.append(findings)
         return plan, findings
 
     kept = Conversation("obedient:model", "")
     plan = converse(kept, "R", lambda message: Answer(model.said(message)), judged, rounds=2)
-    assert any(f", {fault.rule}: " in finding for finding in told[0]), told[0]
+    assert any(f", {fault.rule}: " in finding for finding in answer_text[0]), answer_text[0]
     assert len(set(model.answers)) == len(model.answers), "it comes back to what it had"
     assert (plan.tree is None) == (fault.steps is None and fault.root is None)
     assert plan.tree is None or plan.parameters

@@ -39,9 +39,9 @@ def with_nodes() -> str:
     def add(node: dict) -> str:
         own = {key: value for key, value in node.items() if key != "children"}
         nodes.append({"id": str(len(nodes)), **own})
-        mine = nodes[-1]
-        mine["children"] = [add(child) for child in node.get("children", [])]
-        return str(mine["id"])
+        expected = nodes[-1]
+        expected["children"] = [add(child) for child in node.get("children", [])]
+        return str(expected["id"])
 
     add(PLAN["tree"])
     return json.dumps({**{k: v for k, v in PLAN.items() if k != "tree"}, "nodes": nodes})
@@ -117,9 +117,9 @@ FOUND: dict[str, tuple[str, str]] = {
 
 @pytest.mark.parametrize("kind", FOUND)
 def test_an_ambiguous_deviation_is_a_finding(kind: str, scene: Scene) -> None:
-    text, told = FOUND[kind]
+    text, message = FOUND[kind]
     _, findings = VlmPlanner("openai").judge(text, scene, REQUEST)
-    assert any(told in finding for finding in findings), findings
+    assert any(message in finding for finding in findings), findings
     assert len(feedback(findings)) < 25 * MAX_FINDING
 
 

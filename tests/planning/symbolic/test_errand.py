@@ -63,8 +63,8 @@ def test_the_scenarios_request_is_planned_without_a_model(scene: Scene) -> None:
 def test_the_request_names_quantity_tool_and_objects_and_nothing_else(
     request_: str, objects: tuple[str, ...] | None, scene: Scene
 ) -> None:
-    found = errand(request_, scene)
-    assert (found.objects if found else None) == objects
+    task = errand(request_, scene)
+    assert (task.objects if task else None) == objects
 
 
 def test_an_errand_that_is_none_is_rejected_as_before(scene: Scene) -> None:

@@ -95,8 +95,8 @@ class Sound2Hollowness(ConversionPrimitive):
 
     def effects(self, state: SymbolicState) -> SymbolicState:
         subject = self.subject(state)
-        made = {Parameter(subject, "hollowness")} if subject else set[Parameter]()
-        return replace(state, converted=state.converted | made)
+        result = {Parameter(subject, "hollowness")} if subject else set[Parameter]()
+        return replace(state, converted=state.converted | result)
 
 
 class Shout(Primitive):
@@ -125,8 +125,8 @@ def words(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Vocabulary]
 def module(*things: type) -> ModuleType:
     """A package that brings these classes."""
     package = ModuleType("palpate_ear")
-    for thing in things:
-        setattr(package, thing.__name__, thing)
+    for body in things:
+        setattr(package, body.__name__, body)
     return package
 
 
@@ -134,21 +134,21 @@ def test_primitives_with_two_fields_and_new_kinds_of_arguments_are_planned_for(w
     scene = bench(BOTTLE, MUG)
     known = words(Tap, Listen, Sound2Hollowness)
     wanted = [Parameter("bottle", "hollowness"), Parameter("mug", "hollowness")]
-    made = assemble(scene, wanted, known)
-    assert made.measured == tuple(wanted)
-    assert made.failed == ()
-    taken = [action.split()[0] for action in actions(made.tree)]
+    assembly = assemble(scene, wanted, known)
+    assert assembly.measured == tuple(wanted)
+    assert assembly.failed == ()
+    taken = [action.split()[0] for action in actions(assembly.tree)]
     assert taken.count("Tap") == taken.count("Listen") == taken.count("Sound2Hollowness") == 2
-    kept = parse_plan(dump_plan(Plan(made.measured, made.tree, "hollow?")))
+    kept = parse_plan(dump_plan(Plan(assembly.measured, assembly.tree, "hollow?")))
     assert check(kept, scene, words=known) == ()
 
 
 def test_a_primitive_without_groundings_is_named_in_the_rejection(words) -> None:
-    made = assemble(
+    assembly = assemble(
         bench(BOTTLE), [Parameter("bottle", "hollowness")], words(Tap, Shout, Sound2Hollowness)
     )
-    assert made.tree is None
-    assert "Shout must define `groundings`" in made.failed[0].reason
+    assert assembly.tree is None
+    assert "Shout must define `groundings`" in assembly.failed[0].reason
 
 
 def test_a_motion_of_a_third_party_is_judged_like_any_other() -> None:
@@ -156,5 +156,5 @@ def test_a_motion_of_a_third_party_is_judged_like_any_other() -> None:
     low = Tap(place=(0.45, 0.25, 0.05), force=0.5)
     home = MoveJoints(joints="home_config").effects(SymbolicState(scene))
     start = replace(home, gripper="open")
-    found = {violation.rule for violation in low.violations(start)}
-    assert found == {"collision"}
+    names = {violation.rule for violation in low.violations(start)}
+    assert names == {"collision"}

@@ -32,8 +32,8 @@ def planned(scene: Scene, request: str, **within: str) -> Plan:
 def speeds(plan: Plan) -> list[float]:
     """Those that are asked for, in order."""
     assert plan.tree is not None
-    found = [dict(node.args).get("speed") for _, node in plan.tree.walk()]
-    return [speed for speed in found if speed is not None]
+    items = [dict(node.args).get("speed") for _, node in plan.tree.walk()]
+    return [speed for speed in items if speed is not None]
 
 
 def test_empty_and_loaded_passes_alternate_slowly(scene: Scene) -> None:
@@ -75,17 +75,19 @@ def test_the_floor_of_a_mass_is_proportional_to_the_mass(scene: Scene) -> None:
 def test_an_object_measured_several_times_is_put_back_in_between(scene: Scene) -> None:
     """Slid to the other side every other time; the check lets it pass where it is told why."""
     friction = Parameter("bottle.friction")
-    made = assemble(scene, [MASS, friction], efforts={friction: Effort(times=3)})
-    assert made.tree is not None
-    done = actions(made.tree)
+    assembly = assemble(scene, [MASS, friction], efforts={friction: Effort(times=3)})
+    assert assembly.tree is not None
+    done = actions(assembly.tree)
     assert done.count("Force2Mass") == 1
     assert done.count("CloseGripper") == done.count("OpenGripper") - 1 == 3
     aside = [
-        str(dict(node.args).get("pose")) for _, node in made.tree.walk() if node.type == "MovePose"
+        str(dict(node.args).get("pose"))
+        for _, node in assembly.tree.walk()
+        if node.type == "MovePose"
     ]
     sides = [pose.split()[1] for pose in aside if pose.endswith("x_offset")]
     assert sides == ["+", "-", "+"]
-    plan = Plan(made.measured, made.tree, "")
+    plan = Plan(assembly.measured, assembly.tree, "")
     assert check(plan, scene, remeasure=True, repeated=True) == ()
     assert {finding.rule for finding in check(plan, scene, remeasure=True)} == {"redundant"}
 
@@ -93,7 +95,7 @@ def test_an_object_measured_several_times_is_put_back_in_between(scene: Scene) -
 def test_objects_alone_are_lifted_and_as_often_as_the_effort_says(scene: Scene) -> None:
     """Of a surface nothing is lifted at all, and of an object as often as its effort says."""
     assert site_of(scene, Parameter("table.height")) is None
-    made = assemble(scene, [MASS], efforts={MASS: Effort(3, 0.1)})
-    assert made.tree is not None
-    assert actions(made.tree).count("CloseGripper") == 3
-    assert check(Plan(made.measured, made.tree, ""), scene) == ()
+    assembly = assemble(scene, [MASS], efforts={MASS: Effort(3, 0.1)})
+    assert assembly.tree is not None
+    assert actions(assembly.tree).count("CloseGripper") == 3
+    assert check(Plan(assembly.measured, assembly.tree, ""), scene) == ()

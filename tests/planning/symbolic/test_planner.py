@@ -133,15 +133,15 @@ def test_a_turn_takes_the_free_direction_and_is_left_out_without_one():
     def turns(*scene: str) -> list[str]:
         plan = planned(bench(*scene), "the balance point of the bar")
         assert plan.parameters
-        told = "There is no room for Turn with 'bar'." in plan.explanation
-        found = [action for action in actions(plan.tree) if action.startswith("Turn")]
-        assert told == (not found)
-        return found
+        message = "There is no room for Turn with 'bar'." in plan.explanation
+        items = [action for action in actions(plan.tree) if action.startswith("Turn")]
+        assert message == (not items)
+        return items
 
     post, wall = '<geom type="box" size=".004 .004 .15"/>', '<geom type="box" size=".04 .004 .25"/>'
     assert turns(BAR) == ["Turn 90.0", "Turn 90.0"]
-    one = f'<body name="post" pos="0.6 0.085 0.15">{post}</body>'
-    assert turns(BAR, one) == ["Turn -90.0", "Turn -90.0"]
+    item = f'<body name="post" pos="0.6 0.085 0.15">{post}</body>'
+    assert turns(BAR, item) == ["Turn -90.0", "Turn -90.0"]
     walls = [f'<body name="wall{y}" pos="0.5 {y} 0.25">{wall}</body>' for y in (-0.125, 0.125)]
     assert turns(BAR, *walls) == []
 
@@ -159,8 +159,8 @@ def last_grasp(scene: Scene) -> str:
 
 def test_an_object_is_weighed_last_at_its_balance_point():
     assert last_grasp(bench(MALLET)) == "MovePose mallet_balance"
-    told = planned(bench(MALLET), "the mass and the centre of mass of the mallet").explanation
-    assert "'mallet' is grasped last at the balance point that the run estimates." in told
+    message = planned(bench(MALLET), "the mass and the centre of mass of the mallet").explanation
+    assert "'mallet' is grasped last at the balance point that the run estimates." in message
 
 
 def test_the_balance_point_is_left_out_where_a_part_of_its_region_does_not_pass():
@@ -313,9 +313,11 @@ def test_a_refusal_says_why_and_advises_the_user() -> None:
       <geom name="table" type="box" size=".3 .4 .1" pos=".5 0 .1"/>
       <body name="pan" pos=".5 0 .23"><freejoint/><geom type="box" size=".02 .02 .03" mass=".05"/>
         <geom type="cylinder" size=".1 .01" pos=".2 0 0"/></body></worldbody></mujoco>"""
-    with pytest.raises(PlanRejected, match=r"from its centre of mass.*; place it so that") as found:
+    with pytest.raises(
+        PlanRejected, match=r"from its centre of mass.*; place it so that"
+    ) as result:
         SymbolicPlanner().plan("the mass of the pan", parse_scene(pan))
-    assert "MovePose" not in str(found.value)
+    assert "MovePose" not in str(result.value)
 
 
 def test_the_baseline_probes_every_surface_and_weighs_and_slides_every_object() -> None:

@@ -50,23 +50,23 @@ def test_a_tag_determines_the_pose_of_the_camera(
     out = tmp_path / "robot.yaml"
     asked = References(None, None, False, source, None, "7=100mm", tmp_path / "left.png")
     done = calibrate(settings_of(noise="none", seed=3), asked, out)
-    found = read_config(out).camera
-    assert found is not None
-    assert found.covariance is not None
-    std = np.sqrt(np.diag(found.covariance))
-    off = found.pos - place.position
+    result = read_config(out).camera
+    assert result is not None
+    assert result.covariance is not None
+    std = np.sqrt(np.diag(result.covariance))
+    off = result.pos - place.position
     assert np.abs(off / std[:3]).max() < 3.5
     assert np.linalg.norm(off) < 0.003
     count = len(done.pictures.corners)
-    assert found.by == f"tag 7 {tag} in {count} pictures of {source}"
-    assert [one.name for one in done.found][::3] == [
+    assert result.by == f"tag 7 {tag} in {count} pictures of {source}"
+    assert [item.name for item in done.found][::3] == [
         "camera x",
         "camera turn x",
         "camera focal length",
     ]
     assert (tmp_path / "left.png").read_bytes().startswith(b"\x89PNG")
-    for one in done.found[3:6]:  # its turn, 3 mrad before
-        assert one.after[1] < surer * one.before[1]
+    for item in done.found[3:6]:  # its turn, 3 mrad before
+        assert item.after[1] < surer * item.before[1]
 
 
 def test_a_calibrated_camera_is_where_robot_yaml_says_until_it_is_another_one() -> None:
@@ -81,11 +81,11 @@ def test_a_calibrated_camera_is_where_robot_yaml_says_until_it_is_another_one() 
           <body name="box" pos=".5 0 0"><freejoint/><geom size=".1" mass="1"/></body></worldbody></mujoco>"""
         return calibrated_camera(parse_scene(xml, arm=arm), lens, None)
 
-    found, mount = at(covariance=covariance)
+    result, mount = at(covariance=covariance)
     assert mount is not None
     assert mount.pose_world_camera.position == pytest.approx([0.1, 1.0, 0.5])
     assert np.diag(mount.covariance) == pytest.approx([2, 1, 3, 5, 4, 6, 7])
-    assert found.matrix[1, 1] == pytest.approx(360 / np.tan(np.radians(21.9)))
+    assert result.matrix[1, 1] == pytest.approx(360 / np.tan(np.radians(21.9)))
     assert at()[1] is None  # stated, not calibrated
     _, held = at(covariance=covariance, on_hand=True)
     assert held is not None
@@ -106,19 +106,21 @@ def test_a_camera_on_the_hand_is_where_the_hand_is(tmp_path: Path) -> None:
     assert mount is not None
     scene = parse_scene("<mujoco><worldbody><site name='robot_base'/></worldbody></mujoco>")
     _, turned = calibrated_camera(scene, lens, mount)
-    _, told = calibrated_camera(scene, lens, mount, lambda: Pose.of((0.5, 0, 0.4), (0, 1, 0, 0)))
+    _, calibrated = calibrated_camera(
+        scene, lens, mount, lambda: Pose.of((0.5, 0, 0.4), (0, 1, 0, 0))
+    )
     assert turned is not None
-    assert told is not None
-    assert told.pose_world_camera.position == pytest.approx([0.6, 0, 0.4])
+    assert calibrated is not None
+    assert calibrated.pose_world_camera.position == pytest.approx([0.6, 0, 0.4])
     assert np.linalg.norm(turned.pose_world_camera.position[:2]) == pytest.approx(0.407, abs=0.01)
     x, y, _ = turned.pose_world_camera.position
     assert np.arctan2(y, x) == pytest.approx(0.5, abs=0.01)
     # Seven links are 0.8 mm off (0.3 mm each), seven zeros (1 mrad) as much again but along the arm.
-    added = np.sqrt(np.diag(told.covariance)[:3] - 1e-6)
+    added = np.sqrt(np.diag(calibrated.covariance)[:3] - 1e-6)
     assert added == pytest.approx([0.9e-3, 1.2e-3, 1.2e-3], rel=0.1)
     _, far = calibrated_camera(scene, lens, mount, lambda: Pose.of((0.7, 0, 0.4), (0, 1, 0, 0)))
     assert far is not None
-    assert np.diag(far.covariance)[2] > 1.1 * np.diag(told.covariance)[2]
+    assert np.diag(far.covariance)[2] > 1.1 * np.diag(calibrated.covariance)[2]
     path.write_text(f"{text}, covariance: {rows}, joints: {joints}}}}}")
     with pytest.raises(InputError, match="goes with on_hand"):
         read_lens(path)

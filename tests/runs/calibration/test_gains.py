@@ -62,32 +62,32 @@ def test_gains_are_estimated_within_their_standard_deviations() -> None:
     random, errors = np.random.default_rng(1), list[Array]()
     for seed in range(8):
         gains = ARM.nominal.torque_gain * random.uniform(-1.0, 1.0, 7)
-        found = gains_from_own_weight(trace(gains, seed=seed), ARM)
-        stds = np.sqrt(found.covariance.diagonal())
-        errors.append((found.mean - gains)[1:6] / stds[1:6])
+        belief = gains_from_own_weight(trace(gains, seed=seed), ARM)
+        stds = np.sqrt(belief.covariance.diagonal())
+        errors.append((belief.mean - gains)[1:6] / stds[1:6])
     assert np.sqrt(np.mean(np.square(errors))) < 1.3
     assert np.abs(errors).max() < 4.0
 
 
 def test_a_shoulder_is_known_better_than_before_and_an_upright_axis_is_not() -> None:
-    found = gains_from_own_weight(trace(np.zeros(7)), ARM)
+    gains = gains_from_own_weight(trace(np.zeros(7)), ARM)
     before = np.sqrt((gain_root(ARM.nominal, 7) ** 2).sum(axis=1))
-    stds = np.sqrt(found.covariance.diagonal())
+    stds = np.sqrt(gains.covariance.diagonal())
     assert stds[1] < 0.5 * before[1]
     assert stds[0] == pytest.approx(before[0], rel=1e-3)
 
 
 def test_heavier_links_do_not_pass_for_gains_beyond_the_link_accuracy() -> None:
     """Links 0.5 % too heavy look like gains of 0.5 %, and the standard deviation covers that."""
-    found = gains_from_own_weight(trace(np.zeros(7), heavier=0.005), ARM)
-    assert np.abs(found.mean / np.sqrt(found.covariance.diagonal())).max() < 3.0
+    gains = gains_from_own_weight(trace(np.zeros(7), heavier=0.005), ARM)
+    assert np.abs(gains.mean / np.sqrt(gains.covariance.diagonal())).max() < 3.0
 
 
 def test_gains_outside_their_stated_accuracy_are_contradicted() -> None:
     """Sensors stated to be accurate to 0.1 % that are 5 % off."""
-    made = trace(np.array([0, 0.05, 0, 0.05, 0, 0, 0]))
+    recording = trace(np.array([0, 0.05, 0, 0.05, 0, 0, 0]))
     known = tuple(map(tuple, (1e-6 * np.eye(7)).tolist()))
-    sure = replace(made, hand=replace(made.hand, gain_covariance=known))
+    sure = replace(recording, hand=replace(recording.hand, gain_covariance=known))
     with pytest.raises(InputError, match=r"own weight contradicts.*calibrated wrongly"):
         gains_from_own_weight(sure, ARM)
 

@@ -22,10 +22,10 @@ from palpate.runs.calibration.gains import LENGTH, MASS, Known, parse_reference
     ],
 )
 def test_a_mass_and_its_limits_are_parsed(text: str, value: float, limit: float) -> None:
-    said = parse_reference(text, MASS, "the weight")
-    assert said.value == pytest.approx(value)
-    assert said.limit == pytest.approx(limit)
-    assert said.std == pytest.approx(limit / math.sqrt(3))
+    stated = parse_reference(text, MASS, "the weight")
+    assert stated.value == pytest.approx(value)
+    assert stated.limit == pytest.approx(limit)
+    assert stated.std == pytest.approx(limit / math.sqrt(3))
 
 
 def test_a_height_and_its_owner_are_parsed() -> None:

@@ -31,8 +31,8 @@ CAN = """<mujoco><worldbody><site name="robot_base"/>
 
 
 def named(chart: Chart, name: str) -> dict[str, Any]:
-    (found,) = [one for one in chart.figure["data"] if one["name"].startswith(name)]
-    return found
+    (result,) = [item for item in chart.figure["data"] if item["name"].startswith(name)]
+    return result
 
 
 def values(packed: dict[str, str]) -> np.ndarray[Any, Any]:
@@ -52,9 +52,9 @@ def shown(found: Estimate, truth: tuple[float, ...] | None = None) -> tuple[Char
     for chart in drawn:
         assert go.Figure(chart.figure)
         low, high = chart.figure["layout"]["yaxis"]["range"]
-        for one in chart.figure["data"]:
-            y = values(one["y"])
-            if one.get("mode") == "markers" and one.get("yaxis") == "y":
+        for item in chart.figure["data"]:
+            y = values(item["y"])
+            if item.get("mode") == "markers" and item.get("yaxis") == "y":
                 assert ((y >= low) & (y <= high)).all(), "no point is off the axis"
     return drawn
 
@@ -64,11 +64,11 @@ def test_stiffness_is_the_slope_over_the_depth(bench, noises) -> None:
     for y in (0.0, 0.1):
         b.go("mat_approach", (0.5, y, 0.32))
         b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
-    found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
-    low, high = found.intervals[0] / 1000.0
-    for chart in shown(found, (990.0,)):
+    estimate = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
+    low, high = estimate.intervals[0] / 1000.0
+    for chart in shown(estimate, (990.0,)):
         truth, band = named(chart, "the truth"), named(chart, "its 95 % interval")
-        ends = [values(one["y"])[-1] / values(one["x"])[-1] for one in (truth, band)]
+        ends = [values(item["y"])[-1] / values(item["x"])[-1] for item in (truth, band)]
         assert ends == pytest.approx([0.99, high], rel=1e-3), "N/mm"
         assert high - low > 0.01
         assert len(values(named(chart, "measured")["x"])) > 50
@@ -76,7 +76,7 @@ def test_stiffness_is_the_slope_over_the_depth(bench, noises) -> None:
         pressed = depth > 0.0
         slope = float(force[pressed] @ depth[pressed]) / float(depth[pressed] @ depth[pressed])
         assert slope == pytest.approx(slope_of(chart), rel=0.02), "N/mm"
-        assert slope_of(chart) == pytest.approx(found.values[0] / 1000.0, rel=0.01), "N/mm"
+        assert slope_of(chart) == pytest.approx(estimate.values[0] / 1000.0, rel=0.01), "N/mm"
 
 
 def test_a_tilt_is_seen_from_the_side(bench, noises) -> None:
@@ -85,8 +85,8 @@ def test_a_tilt_is_seen_from_the_side(bench, noises) -> None:
         top = 0.2653 + 0.03 * (x - 0.5) + 0.04 * y
         b.go("table_approach", (x, y, 0.32))
         b.descend(lambda z, top=top: max(0.0, top - z) * 4e4, "table")
-    found = estimate_tilt(b.trace(), Parameter("table", "tilt"), None)
-    (chart,) = shown(found)
+    estimate = estimate_tilt(b.trace(), Parameter("table", "tilt"), None)
+    (chart,) = shown(estimate)
     fit = named(chart, "the fit")
     x, y = values(fit["x"]), values(fit["y"])
     assert (y[-1] - y[0]) / (x[-1] - x[0]) == pytest.approx(0.05, abs=2e-3), "mm a mm, uphill"
@@ -109,10 +109,10 @@ def test_a_grasp_is_shown_as_the_fingers_closed(bench, noises, quantity, estimat
     if quantity == "position":
         b.convert("Pose2Plan", "can", "position", b.trace().recordings[-1])
     body = parse_scene(CAN).bodies["can"]
-    found = estimate(b.trace(), Parameter("can", quantity), body)
-    (chart,) = shown(found)
+    result = estimate(b.trace(), Parameter("can", quantity), body)
+    (chart,) = shown(result)
     who = {"size": "between the fingers", "position": "the hand"}[quantity]
-    whole, used = (one for one in chart.figure["data"] if one["name"].startswith(who))
+    whole, used = (item for item in chart.figure["data"] if item["name"].startswith(who))
     assert len(values(whole["x"])) > 50
     assert np.isnan(values(used["y"])).sum() > 50, "before it was recorded"
     assert named(chart, "its 95 % interval")
@@ -130,10 +130,10 @@ def test_drags_are_shown_with_their_breakaways(bench, noises) -> None:
         b.drag("place", there, 0.41, 0.34, (0.003, 0.012))
     b.open()
     b.go("can_pose + z_offset", (0.5, 0.1, 0.3))
-    found = estimate_friction(b.trace(), Parameter("can", "friction"), None)
-    forces, quotient = shown(found, (0.34,))
+    estimate = estimate_friction(b.trace(), Parameter("can", "friction"), None)
+    forces, quotient = shown(estimate, (0.34,))
     fit = named(forces, "the fit")
-    assert values(fit["y"]) / values(fit["x"]) == pytest.approx(float(found), rel=0.001)
+    assert values(fit["y"]) / values(fit["x"]) == pytest.approx(float(estimate), rel=0.001)
     assert len(values(named(quotient, "breakaway")["x"])) == 2
     assert np.isnan(values(named(quotient, "smoothed, used")["y"])).any()
 
@@ -144,14 +144,14 @@ def test_a_height_is_carried_back_along_the_loading_curve(bench, noises) -> None
         b.go("table_approach", (0.5, y, 0.32))
         b.descend(lambda z: max(0.0, 0.28 - z) * 4e4, "table")
     b.convert("Pose2Height", "table", "height", b.trace().recordings[-1])
-    found = estimate_height(b.trace(), Parameter("table", "height"), None)
-    side, *curves = shown(found, (0.28,))
+    estimate = estimate_height(b.trace(), Parameter("table", "height"), None)
+    side, *curves = shown(estimate, (0.28,))
     assert side.title == "The 2 touches, from the side."
     assert len(curves) == 2
     for chart in curves:
         fit = named(chart, "the fit")
         at_no_force = values(fit["y"])[values(fit["x"]) <= 0.0]
-        assert at_no_force == pytest.approx(1e3 * float(found), abs=0.01), "mm"
+        assert at_no_force == pytest.approx(1e3 * float(estimate), abs=0.01), "mm"
 
 
 def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplog) -> None:
@@ -159,9 +159,9 @@ def test_a_chart_that_fails_costs_nothing_else(bench, noises, monkeypatch, caplo
     for y in (0.0, 0.1):
         b.go("mat_approach", (0.5, y, 0.32))
         b.descend(lambda z: max(0.0, 0.28 - z) * 1000.0, "mat")
-    found = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
-    broken = replace(found.views[0], predicted=np.zeros(1))
-    assert len(charts(replace(found, views=(broken, found.views[1])))) == 1
+    estimate = estimate_stiffness(b.trace(), Parameter("mat", "stiffness"), None)
+    broken = replace(estimate.views[0], predicted=np.zeros(1))
+    assert len(charts(replace(estimate, views=(broken, estimate.views[1])))) == 1
     assert "no chart of mat.stiffness: " in caplog.text
 
 

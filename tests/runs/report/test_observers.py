@@ -19,7 +19,7 @@ def test_a_simulated_run_takes_as_long_as_a_real_one(node, scene, robot, words) 
 def test_the_remaining_time_is_the_mean_time_of_the_primitives_to_come(
     plan, node, scene, robot, words
 ):
-    found = []
+    rows = []
 
     class Watcher:
         def __init__(self):
@@ -27,13 +27,13 @@ def test_the_remaining_time_is_the_mean_time_of_the_primitives_to_come(
 
         def on_tick(self, snapshot):
             time.sleep(0.0005)
-            found.append((snapshot.elapsed, self.remaining.seconds(snapshot)))
+            rows.append((snapshot.elapsed, self.remaining.seconds(snapshot)))
 
     steps = [node("Wait", seconds=0.5) for _ in range(6)]
     run(plan(*steps), scene, robot, words=words, observer=Watcher())
-    assert found[10][1] is None, "too few steps"
+    assert rows[10][1] is None, "too few steps"
     # Where half is done as much is left, whatever a second of robot time takes.
-    half = next(left for elapsed, left in found if elapsed > 1.6)
-    later = next(left for elapsed, left in found if elapsed > 2.6)
+    half = next(left for elapsed, left in rows if elapsed > 1.6)
+    later = next(left for elapsed, left in rows if elapsed > 2.6)
     assert half > later > 0.0
-    assert found[-1][1] == 0.0
+    assert rows[-1][1] == 0.0

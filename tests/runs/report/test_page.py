@@ -47,11 +47,11 @@ def test_a_run_is_watched_and_played_again(tmp_path: Path) -> None:
 def test_a_person_at_the_page_lets_the_robot_move_or_not(
     tmp_path: Path, button: str, allowed: bool
 ) -> None:
-    made = pp.load(SCENE).plan("how heavy is the bottle?").run_so_far
+    result = pp.load(SCENE).plan("how heavy is the bottle?").run_so_far
     answers: list[bool] = []
     with LivePage(port=0) as page, opened(page.url, tmp_path) as seen:
-        page.show_plan(made)
-        asked = threading.Thread(target=lambda: answers.append(page.confirm(made)))
+        page.show_plan(result)
+        asked = threading.Thread(target=lambda: answers.append(page.confirm(result)))
         asked.start()
         seen.click(button)
         asked.join()
@@ -73,8 +73,10 @@ ATTACKS = [
 
 @needs_chromium
 def test_an_explanation_presses_no_button(tmp_path: Path) -> None:
-    made = pp.load(SCENE).plan("how heavy is the bottle?").run_so_far
-    attack = replace(made, plan=replace(made.plan, explanation="\n".join([*ATTACKS, "the end"])))
+    result = pp.load(SCENE).plan("how heavy is the bottle?").run_so_far
+    attack = replace(
+        result, plan=replace(result.plan, explanation="\n".join([*ATTACKS, "the end"]))
+    )
     answers: list[bool] = []
     with LivePage(port=0) as page, opened(page.url, tmp_path) as seen:
         asked = threading.Thread(target=lambda: answers.append(page.confirm(attack)))

@@ -107,8 +107,8 @@ def grown(data: ReportData, **changes: Any) -> ReportData:
 
 def measured(data: ReportData, *found: tuple[Estimate, tuple[float, ...] | None]) -> ReportData:
     """The page of a run with these estimates and true values."""
-    truth = {one.parameter: value for one, value in found if value is not None}
-    return grown(data, estimates=tuple(one for one, _ in found), truth=truth)
+    truth = {item.parameter: value for item, value in found if value is not None}
+    return grown(data, estimates=tuple(item for item, _ in found), truth=truth)
 
 
 def stopped(data: ReportData, why: str, held: HeldObject | None = None, **more: Any) -> ReportData:
@@ -324,7 +324,7 @@ def test_poses_are_shown_by_sight_by_touch_and_by_both(data: ReportData, tmp_pat
     beliefs = {"<cup>": seen, "box": felt, "tin": off}
     pictured = replace(grown(data, beliefs=beliefs), pictures=Pictures(seen=SQUARE))
     page = page_of(pictured, tmp_path)
-    assert [one for one in page.all("img") if "camera saw" in one["alt"]]
+    assert [item for item in page.all("img") if "camera saw" in item["alt"]]
     assert "x 500.0 ± 3.2, y 100.0 ± 3.2" in page.text
     assert "probe: +2.0 ± 1.0 mm along +x" in page.text
     assert "x 501.8 ± 1.0" in page.text
@@ -401,16 +401,16 @@ def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) 
     assert "No visible change" in page.text
     assert len(page.all("img")) == 1
     changed = Pictures(None, picture(), picture(changed=True))
-    apart = page_of(replace(data, pictures=changed), tmp_path)
-    assert "No visible change" not in apart.text
-    assert "(6.2 % of the picture)" in apart.text
+    gap = page_of(replace(data, pictures=changed), tmp_path)
+    assert "No visible change" not in gap.text
+    assert "(6.2 % of the picture)" in gap.text
 
 
 def test_many_estimates_stand_sorted_above_their_cards(data: ReportData, tmp_path: Path) -> None:
     several: list[tuple[Estimate, tuple[float, ...] | None]] = []
     for i, value in enumerate((0.2, 0.5, 0.1, 0.4)):
-        found = Estimate.normal(Parameter(f"can{i}", "mass"), "kg", value, 0.001, "Weighed.")
-        several.append((found, (value + 0.001,)))
+        estimate = Estimate.normal(Parameter(f"can{i}", "mass"), "kg", value, 0.001, "Weighed.")
+        several.append((estimate, (value + 0.001,)))
     assert "on one scale" not in page_of(measured(data, *several), tmp_path).text
     lost = not_identified(Parameter("lost", "mass"), "kg", "It was never lifted.")
     page = page_of(measured(data, *several, (lost, None)), tmp_path)
@@ -446,8 +446,8 @@ def source_of(data: ReportData, folder: Path) -> str:
 def test_page_of_many_objects_folds_rows_and_motions_and_begins_with_the_contents(
     data: ReportData, tmp_path: Path
 ) -> None:
-    things = (f"<geom name='thing {i}' size='.1 .1 .1' type='box'/>" for i in range(6))
-    many = parse_scene(f"<mujoco><worldbody>{''.join(things)}</worldbody></mujoco>")
+    bodies = (f"<geom name='thing {i}' size='.1 .1 .1' type='box'/>" for i in range(6))
+    many = parse_scene(f"<mujoco><worldbody>{''.join(bodies)}</worldbody></mujoco>")
     few = source_of(data, tmp_path)
     assert 'retraced" open>' in few
     assert few.index('class="estimates"') < few.index('aria-label="Contents"')
@@ -497,10 +497,10 @@ def test_the_fate_of_a_composite_is_that_of_the_child_that_decides(
     ("brightness", "visible"), [(95, False), (105, False), (130, True), (70, True)]
 )
 def test_a_change_is_seen_beyond_the_noise_of_pictures(brightness: int, visible: bool) -> None:
-    one, other = (png(np.full((8, 8, 3), level, np.uint8)) for level in (100, brightness))
-    found = change(one, other)
-    assert found is not None
-    assert (found.visible, found.share) == (visible, float(visible))
+    item, other = (png(np.full((8, 8, 3), level, np.uint8)) for level in (100, brightness))
+    difference = change(item, other)
+    assert difference is not None
+    assert (difference.visible, difference.share) == (visible, float(visible))
 
 
 def test_believed_values_are_in_the_table_of_measured_ones(

@@ -24,8 +24,8 @@ from palpate.twin.validate import ReplayResidual, Validation
 
 def test_a_window_is_named_once_by_its_evidence(data: ReportData, trace: Trace) -> None:
     weigh, touch = trace.recordings
-    found = windows(trace, data.run.estimates)
-    assert found == {weigh: "bottle mass", touch: "table height"}
+    entries = windows(trace, data.run.estimates)
+    assert entries == {weigh: "bottle mass", touch: "table height"}
     untold = windows(replace(trace, conversions=()), ())
     assert untold == {weigh: "still bottle", touch: "contact table"}
 
@@ -121,6 +121,6 @@ def test_lines_that_others_replace_are_set_off_only_one_to_one() -> None:
     assert (shorter.middle, longer.middle) == ("", "1")
     (old, new) = diff_lines("--- a\n+++ b\n-mass=1\n+mass=2\n")
     assert (old.kind, old.middle, new.middle) == ("del", "1", "2")
-    found = diff_lines("-one line\n+two\n+lines\n same\n")
-    assert [line.kind for line in found] == ["del", "add", "add", "same"]
-    assert not any(line.middle for line in found)
+    lines = diff_lines("-one line\n+two\n+lines\n same\n")
+    assert [line.kind for line in lines] == ["del", "add", "add", "same"]
+    assert not any(line.middle for line in lines)

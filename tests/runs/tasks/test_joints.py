@@ -65,9 +65,9 @@ def test_a_door_has_the_same_forces_at_its_handle() -> None:
 def test_a_twin_of_a_joint_plans_better_than_its_prior(kind: str) -> None:
     share = 1.0 if kind == "slide" else 0.09
     true = {DAMPING: (5.0 * share,), FRICTION: (3.0 * share**0.5,)}
-    found = prove(scene(kind), measured(5.1 * share, 3.02 * share**0.5), true, draws=2)
-    assert [row.task for row in found.rows] == ["coast to an opening", "open steadily"]
-    for row in found.rows:
+    proof = prove(scene(kind), measured(5.1 * share, 3.02 * share**0.5), true, draws=2)
+    assert [row.task for row in proof.rows] == ["coast to an opening", "open steadily"]
+    for row in proof.rows:
         assert row.depends
         assert abs(row.twin[0]) < abs(row.prior[0]) / 3
 

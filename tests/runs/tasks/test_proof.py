@@ -96,9 +96,9 @@ def test_the_twin_lands_nearer_than_the_prior_and_within_its_promise() -> None:
 
 
 def test_draws_of_the_estimates_judge_without_a_truth() -> None:
-    found = prove(scene(), measured()[:1], {}, draws=2)
-    assert found.judge == "draws"
-    for row in found.rows:
+    result = prove(scene(), measured()[:1], {}, draws=2)
+    assert result.judge == "draws"
+    for row in result.rows:
         assert len(row.twin) == len(row.prior) == len(row.drawn)
 
 

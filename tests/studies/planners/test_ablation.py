@@ -143,11 +143,11 @@ def test_scenarios_of_several_kinds_are_studied_together(tmp_path: Path) -> None
         styles = ["full", "lean"]
         records = ablation(names, asked, file, settings(server), 1, left_out, 1, prompts=styles)
         prompts = [len(request.system) for request in server.requests]
-    found = [
+    items = [
         (row.scenario, row.asked, row.configuration, row.success) for row in by_scenario(records)
     ]
     lean = "openai:gpt-x, lean prompt"
-    assert found == [
+    assert items == [
         (NAME, "openai:gpt-x", "full", Rate(1, 1)),
         (NAME, "openai:gpt-x", "no rules", Rate(1, 1)),
         (NAME, lean, "full", Rate(1, 1)),

@@ -13,7 +13,7 @@ MODEL = "openai:<model>"
 def record(
     scenario: str, configuration: str, outcome: Outcome, number: int = 0, prompt: str = "full"
 ) -> TrialRecord:
-    found = {
+    values = {
         "bottle.mass": MeasuredValue(
             (0.2551 + 0.001 * number,), (0.0008,), (0.254,), "kg", "identified"
         )
@@ -21,7 +21,7 @@ def record(
     success = outcome in ("acquired", "refused rightly")
     reason = "" if success else "bottle.mass is off by <7> of its standard deviations"
     trial = PlannerTrial(scenario, MODEL, configuration, number, prompt)
-    return TrialRecord(trial, True, success, success, reason, {}, outcome, found, 12, 31.0)
+    return TrialRecord(trial, True, success, success, reason, {}, outcome, values, 12, 31.0)
 
 
 def written(folder: Path, *records: TrialRecord) -> str:

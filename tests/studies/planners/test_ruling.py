@@ -47,7 +47,7 @@ def run(value: float = 0.3, held: tuple[str, ...] = ("cup",), **changes) -> Run:
         NominalHand(0.009, 0.15, 0.01, 0.0001),
     )
     estimate = Estimate.normal(MASS, "kg", value, 0.001, "by hand")
-    made = Run(
+    result = Run(
         Settings(),
         SCENE,
         Plan((MASS,), TREE, "lift it"),
@@ -57,7 +57,7 @@ def run(value: float = 0.3, held: tuple[str, ...] = ("cup",), **changes) -> Run:
         truth={MASS: (0.3,)},
         finished=Twin("", "", (), None),
     )
-    return replace(made, **changes)
+    return replace(result, **changes)
 
 
 def refusal(**changes) -> Run:

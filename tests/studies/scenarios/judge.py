@@ -70,10 +70,10 @@ def assert_exported(run: Run, folder: Path) -> None:
             chosen = require_format(to)
         except Unavailable:
             continue
-        made, scratch = folder / to, folder / f"{to}-scratch"
-        made.mkdir()
+        result, scratch = folder / to, folder / f"{to}-scratch"
+        result.mkdir()
         scratch.mkdir()
-        assert export_twin(twin, run.estimates, chosen, made, scratch).file.exists()
+        assert export_twin(twin, run.estimates, chosen, result, scratch).file.exists()
 
 
 def assert_near_truth(run: Run) -> None:

@@ -77,6 +77,6 @@ def test_recorded_plans_are_chosen_by_name() -> None:
 def test_a_scenarios_request_is_read_without_a_question(name: str) -> None:
     task = scenario(name)
     settings = task.settings()
-    made = pipeline.plan(settings, pipeline.load(settings))
-    assert "please confirm" not in made.plan.explanation
-    assert set(made.plan.parameters) == set(task.expects)
+    run = pipeline.plan(settings, pipeline.load(settings))
+    assert "please confirm" not in run.plan.explanation
+    assert set(run.plan.parameters) == set(task.expects)

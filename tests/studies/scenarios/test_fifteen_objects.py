@@ -17,10 +17,10 @@ FIFTEEN = scenario("fifteen_objects")
 
 def test_fifteen_manipulations_in_one_parallel_are_refused() -> None:
     settings = FIFTEEN.settings(planner="replay:parallel").check_values()
-    made = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
-    assert made.status == "rejected"
-    assert made.execution is None
-    owners = [f.message for f in made.findings if f.rule == "one-owner"]
+    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    assert run.status == "rejected"
+    assert run.execution is None
+    owners = [f.message for f in run.findings if f.rule == "one-owner"]
     assert any(
         "leaves would move the arm at once" in message and "Sequence" in message
         for message in owners

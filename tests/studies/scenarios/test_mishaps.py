@@ -60,8 +60,8 @@ def test_a_mishap_in_the_plan_or_the_request_is_a_rejection_and_nothing_moves(na
     run = executed(scenario(f"mishaps/{name}"))
     assert EXIT[run.status] == 3
     assert run.execution is run.footage is None
-    said = " ".join([run.plan.explanation, *(finding.message for finding in run.findings)])
-    assert REJECTED[name] in said
+    text = " ".join([run.plan.explanation, *(finding.message for finding in run.findings)])
+    assert REJECTED[name] in text
 
 
 @pytest.mark.parametrize(

@@ -45,9 +45,9 @@ def test_a_recorded_plan_acquires_exactly_what_is_missing(name: str, plan: str) 
 def test_a_long_recorded_plan_passes_the_check_and_promises_exactly_what_is_missing() -> None:
     chosen = scenario(LONG)
     settings = replace(chosen.settings(), planner=f"replay:{chosen.plans['model']}")
-    made = pipeline.plan(settings, pipeline.load(settings))
-    assert made.findings == ()
-    assert set(made.plan.parameters) == set(chosen.expects)
+    run = pipeline.plan(settings, pipeline.load(settings))
+    assert run.findings == ()
+    assert set(run.plan.parameters) == set(chosen.expects)
 
 
 @pytest.mark.parametrize("name", mark_long(SYMBOLIC, lambda name: name == "hammer"))

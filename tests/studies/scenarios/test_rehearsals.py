@@ -26,7 +26,7 @@ NAMES = (
 @pytest.mark.parametrize("name", NAMES)
 def test_a_scenarios_plan_passes_its_rehearsal(name: str) -> None:
     settings = scenario(name).settings()
-    made = pipeline.plan(settings, pipeline.load(settings))
-    predicted = rehearse(made.plan, made.scene, draws=0)
+    run = pipeline.plan(settings, pipeline.load(settings))
+    predicted = rehearse(run.plan, run.scene, draws=0)
     assert predicted.failure is None
-    assert predicted.actions == made.plan.actions
+    assert predicted.actions == run.plan.actions

@@ -27,8 +27,8 @@ def test_the_two_requests_differ_only_in_the_picture() -> None:
     photo, rendering = prompt(PHOTO.settings()), prompt(RENDERING.settings())
     assert photo.system.encode() == rendering.system.encode()
     assert photo.user == rendering.user
-    (one,), (other,) = photo.images, rendering.images
-    assert one.read_bytes() != other.read_bytes()
+    (item,), (other,) = photo.images, rendering.images
+    assert item.read_bytes() != other.read_bytes()
 
 
 def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> None:
@@ -45,8 +45,8 @@ def test_the_answers_agree_on_parameters_and_tree_in_words_of_their_own() -> Non
 def test_the_pictures_are_those_that_the_renderer_makes() -> None:
     from bench.pictures import photo, rendering
 
-    for kept, made in ((PHOTO.images[0], photo()), (RENDERING.images[0], rendering())):
-        difference = np.abs(pixels(kept.read_bytes()) - pixels(made))
+    for kept, result in ((PHOTO.images[0], photo()), (RENDERING.images[0], rendering())):
+        difference = np.abs(pixels(kept.read_bytes()) - pixels(result))
         assert difference.mean() < 6.0, kept.name
     assert np.abs(pixels(photo()) - pixels(rendering())).mean() > 30.0
 

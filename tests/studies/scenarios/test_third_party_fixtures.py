@@ -32,10 +32,10 @@ BARS = {
 
 def installed(package: str, below: str) -> Path:
     """Folder of an installed package, which is not imported."""
-    found = find_spec(package)
-    if found is None or not found.submodule_search_locations:
+    result = find_spec(package)
+    if result is None or not result.submodule_search_locations:
         pytest.skip(f"{package} is not installed")
-    return Path(found.submodule_search_locations[0]) / below
+    return Path(result.submodule_search_locations[0]) / below
 
 
 def metaworld(
@@ -65,9 +65,9 @@ def test_a_door_of_metaworld_is_measured(tmp_path):
     there = metaworld(tmp_path, "doorlockB", unknown, "doorlock", 0.15)
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["door_link.damping"])
     run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
-    found = run["door_link.damping"]
-    assert found.verdict == "identified"
-    assert found.ci95[0] < 2.0 < found.ci95[1]
+    result = run["door_link.damping"]
+    assert result.verdict == "identified"
+    assert result.ci95[0] < 2.0 < result.ci95[1]
 
 
 def test_a_window_of_metaworld_is_measured(tmp_path):
@@ -79,9 +79,9 @@ def test_a_window_of_metaworld_is_measured(tmp_path):
     )
     run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
     for id, true in (("damping", 2.0), ("frictionloss", 0.0)):
-        found = run[f"windowb_a.{id}"]
-        assert found.verdict == "identified"
-        assert found.ci95[0] <= true < found.ci95[1]
+        result = run[f"windowb_a.{id}"]
+        assert result.verdict == "identified"
+        assert result.ci95[0] <= true < result.ci95[1]
 
 
 def test_a_drawer_of_metaworld_is_measured_from_its_front(tmp_path):
@@ -91,9 +91,9 @@ def test_a_drawer_of_metaworld_is_measured_from_its_front(tmp_path):
     there = metaworld(tmp_path, "drawer", unknown, "drawer", 0.35, x=0.85)
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["drawer_link.damping"])
     run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
-    found = run["drawer_link.damping"]
-    assert found.verdict == "identified"
-    assert found.ci95[0] < 2.0 < found.ci95[1]
+    result = run["drawer_link.damping"]
+    assert result.verdict == "identified"
+    assert result.ci95[0] < 2.0 < result.ci95[1]
 
 
 def test_a_drawer_without_a_handle_by_name_says_so(tmp_path):
@@ -110,9 +110,9 @@ def test_a_tap_of_metaworld_is_measured(tmp_path):
     there = metaworld(tmp_path, "faucet", unknown, "faucet", 0.3, x=0.75)
     plan = pp.load(there / "scene.xml", root=tmp_path).plan(measure=["faucet_link2.damping"])
     run = plan.run(world=there / "world.xml", noise="lab", seed=1, fast=True)
-    found = run["faucet_link2.damping"]
-    assert found.verdict == "identified"
-    assert found.ci95[0] < 2.0 < found.ci95[1]
+    result = run["faucet_link2.damping"]
+    assert result.verdict == "identified"
+    assert result.ci95[0] < 2.0 < result.ci95[1]
 
 
 def test_a_door_of_robosuite_is_measured_from_its_front(tmp_path):
@@ -126,6 +126,6 @@ def test_a_door_of_robosuite_is_measured_from_its_front(tmp_path):
         (tmp_path / f"{who}.xml").write_text(text.replace('damping="1"', f'damping="{damping}"'))
     plan = pp.load(tmp_path / "scene.xml").plan(measure=["door.damping"])
     run = plan.run(world=tmp_path / "world.xml", noise="lab", seed=1, fast=True)
-    found = run["door.damping"]
-    assert found.verdict == "identified"
-    assert found.ci95[0] < 1.0 < found.ci95[1]
+    result = run["door.damping"]
+    assert result.verdict == "identified"
+    assert result.ci95[0] < 1.0 < result.ci95[1]

@@ -93,10 +93,10 @@ def test_the_scene_alone_does_not_resolve_the_request(name: str) -> None:
     assert task.only_seen
     text = (task.folder / "scene.xml").read_text(encoding="utf-8")
     assert not re.search(r"rgba|material|texture|look:|<camera", text)
-    told = set(re.findall(r"[a-z]{4,}", text.lower()))
+    message = set(re.findall(r"[a-z]{4,}", text.lower()))
     world = (task.folder / "world.xml").read_text(encoding="utf-8")
     words = {word.lower() for word in re.findall(r'data="\w+ (\w+)"', world)}
-    assert not told & words
+    assert not message & words
 
 
 def test_the_neighbour_is_in_the_world_and_not_in_the_scene() -> None:

@@ -47,27 +47,27 @@ class Pretenders:
 
 
 def test_runs_come_back_as_they_were(tmp_path: Path) -> None:
-    told: list[str] = []
-    first = measure([LAB], range(3), Pretenders(), tmp_path, told.append)
+    messages: list[str] = []
+    first = measure([LAB], range(3), Pretenders(), tmp_path, messages.append)
     crew = Pretenders()
-    again = measure([LAB], range(5), crew, tmp_path, told.append)
+    again = measure([LAB], range(5), crew, tmp_path, messages.append)
     group = Group("one_missing_mass", "lab")
     assert list(first) == list(again) == [group]
     assert first[group] == [made_up(StudyCase(LAB, seed)) for seed in range(3)]
     assert again[group][:3] == first[group]
     assert sorted(crew.asked) == [3, 4]
-    assert told[0] == "0/3"
-    assert told[4] == "3/5"
-    assert told[-1].startswith("5/5 · ")
+    assert messages[0] == "0/3"
+    assert messages[4] == "3/5"
+    assert messages[-1].startswith("5/5 · ")
 
 
 def test_rows_are_there_the_moment_a_run_is_done(tmp_path: Path) -> None:
     class Interrupted(Pretenders):
         def each(self, *given: Any) -> Iterator[tuple[int, SeedRun | Lost]]:
-            for number, found in enumerate(super().each(*given)):
+            for number, result in enumerate(super().each(*given)):
                 if number == 2:
                     raise KeyboardInterrupt
-                yield found
+                yield result
 
     with pytest.raises(KeyboardInterrupt):
         measure([LAB], range(5), Interrupted(), tmp_path)
@@ -76,8 +76,8 @@ def test_rows_are_there_the_moment_a_run_is_done(tmp_path: Path) -> None:
 
 def test_noises_and_scenarios_share_a_folder(tmp_path: Path) -> None:
     measure([LAB], range(1), Pretenders(), tmp_path)
-    found = measure([NONE, LAB], range(1), Pretenders(), tmp_path)
-    assert [group.noise for group in found] == ["none", "lab"]
+    runs_by_group = measure([NONE, LAB], range(1), Pretenders(), tmp_path)
+    assert [group.noise for group in runs_by_group] == ["none", "lab"]
     assert len(read(tmp_path)) == 2
 
 
@@ -98,8 +98,8 @@ def test_a_run_that_crashes_is_a_row_with_its_traceback(
         raise ZeroDivisionError("the arm is nowhere")
 
     monkeypatch.setattr("palpate.runs.pipeline.plan", burst)
-    found = measure([LAB], [7], Processes(1), tmp_path)
-    (run,) = found[Group("one_missing_mass", "lab")]
+    runs_by_group = measure([LAB], [7], Processes(1), tmp_path)
+    (run,) = runs_by_group[Group("one_missing_mass", "lab")]
     assert (run.seed, run.status) == (7, "crashed")
     assert "ZeroDivisionError: the arm is nowhere" in run.crash
 

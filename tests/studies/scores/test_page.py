@@ -34,15 +34,15 @@ def drawn(parameter: Parameter, component: int, seed: int, share: float) -> Scor
 @pytest.fixture(scope="module")
 def runs() -> Runs:
     """Honest masses, a bold centre of mass, one seed that finds nothing and one that crashes."""
-    found: list[SeedRun] = []
+    result: list[SeedRun] = []
     for seed in range(SEEDS):
         coms = tuple(drawn(COM, i, seed, 3.0) for i in range(3))
-        found.append(SeedRun(seed, "complete", 12, 20.0, (drawn(MASS, 0, seed, 1.0), *coms)))
+        result.append(SeedRun(seed, "complete", 12, 20.0, (drawn(MASS, 0, seed, 1.0), *coms)))
     nothing = MissingComponent(MASS, 0, SEEDS, 0.2, "kg", "The mug was never lifted.")
-    found.append(SeedRun(SEEDS, "failed", 12, 20.0, (), (), (nothing,)))
+    result.append(SeedRun(SEEDS, "failed", 12, 20.0, (), (), (nothing,)))
     crash = "Traceback\nValueError: the arm is <nowhere>"
-    found.append(SeedRun(SEEDS + 1, "crashed", 0, 0.0, (), crash=crash))
-    return {LAB: found}
+    result.append(SeedRun(SEEDS + 1, "crashed", 0, 0.0, (), crash=crash))
+    return {LAB: result}
 
 
 @pytest.fixture(scope="module")
@@ -53,8 +53,8 @@ def page(runs: Runs) -> str:
 def marked_row(page: str, name: str) -> list[tuple[str, str]]:
     """Mark and text of the cells of the last row of that name."""
     pattern = rf'<tr><td class="name">{re.escape(name)}</td>(.*?)</tr>'
-    found = re.findall(pattern, page, re.DOTALL)[-1]
-    cells = re.findall(r'<td(?: class="(\w+)")?>(.*?)</td>', found, re.DOTALL)
+    result = re.findall(pattern, page, re.DOTALL)[-1]
+    cells = re.findall(r'<td(?: class="(\w+)")?>(.*?)</td>', result, re.DOTALL)
     return [(mark, re.sub(r"<[^>]+>", " ", text).strip()) for mark, text in cells]
 
 
@@ -122,5 +122,5 @@ def test_seeds_that_identify_nothing_make_a_page_all_the_same() -> None:
 
 
 def test_a_single_seed_makes_a_page() -> None:
-    one = SeedRun(0, "complete", 12, 20.0, (drawn(MASS, 0, 0, 1.0),))
-    assert row(render({LAB: [one]}), "mug.mass")[0] == "1/1"
+    item = SeedRun(0, "complete", 12, 20.0, (drawn(MASS, 0, 0, 1.0),))
+    assert row(render({LAB: [item]}), "mug.mass")[0] == "1/1"

@@ -23,11 +23,11 @@ def drawn(count: int, freedom: float, stated: float = 1.0) -> list[ScoredEstimat
     """Estimates whose errors follow Student's t with the stated scale times `stated`."""
     random = np.random.default_rng(5)
     half = float(t.ppf(0.975, freedom))
-    found: list[ScoredEstimate] = []
+    result: list[ScoredEstimate] = []
     for seed, error in enumerate(random.standard_t(freedom, count) / stated):
         ends = (2.0 + error - half, 2.0 + error + half)
-        found.append(ScoredEstimate(MASS, 0, seed, 2.0 + error, 1.0, *ends, 2.0, None))
-    return found
+        result.append(ScoredEstimate(MASS, 0, seed, 2.0 + error, 1.0, *ends, 2.0, None))
+    return result
 
 
 def test_the_summary_is_over_seeds() -> None:
@@ -77,9 +77,9 @@ def test_doubted_or_unmeasured_values_count_as_requested_only() -> None:
 @pytest.mark.parametrize("freedom", [4, 30, 1e9])
 def test_calibrated_estimates_cover_every_level(freedom: float) -> None:
     """The degrees of freedom are read back from the intervals."""
-    found = levels(drawn(4000, freedom))
+    level_counts = levels(drawn(4000, freedom))
     for nominal in (0.2, 0.5, 0.8, 0.95):
-        assert np.mean(found <= nominal) == pytest.approx(nominal, abs=0.02)
+        assert np.mean(level_counts <= nominal) == pytest.approx(nominal, abs=0.02)
 
 
 def test_scores_separate_cautious_from_overconfident_estimates() -> None:
