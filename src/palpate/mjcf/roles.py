@@ -167,7 +167,7 @@ class Roles:
 
 
 def compiled_name(element: Element, own: str, attachments: Sequence[Element]) -> str:
-    """Return the compiled name of an element called `own` that `through` some `<attach>` elements bring."""
+    """Return the compiled name of an element called `own` that the `<attach>` elements `attachments` bring."""
     marks = [copy_mark(part) for part in (element, *reversed(attachments))]
     return prefix(attachments) + own + "".join(marks)
 

@@ -277,5 +277,5 @@ def touch_twin(
         return run
     # `given` executed the whole plan: it is comparable only if the robot did so as well.
     whole = run.execution is not None and run.execution.status == "complete"
-    beside = (lambda: given.result().felt) if given is not None and whole else None
-    return replace(run, finished=touch(run.finished, run.scene, trace, again, beside))
+    replay_given = (lambda: given.result().felt) if given is not None and whole else None
+    return replace(run, finished=touch(run.finished, run.scene, trace, again, replay_given))

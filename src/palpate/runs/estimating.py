@@ -264,9 +264,9 @@ class Ahead:
     (`Judged.key`).
     """
 
-    def __init__(self, run: Run, beside: Fork[Given] | None) -> None:
-        """Start without estimates; `beside` is a fork that already runs."""
-        self._made, self._beside = run, beside
+    def __init__(self, run: Run, replay: Fork[Given] | None) -> None:
+        """Start without estimates; `replay` is a fork that already runs."""
+        self._run, self._replay = run, replay
         # Only objects are estimated ahead, each once.
         of_objects = (p.object for p in run.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in run.scene.objects]
@@ -296,7 +296,7 @@ class Ahead:
             reached = find_evidence_span(recorder, name)
             if reached is not None and reached[1] < now and self._has_free_processor():
                 self._due.remove(name)
-                sofar = replace(self._made, recorded=recorder.snapshot())
+                sofar = replace(self._run, recorded=recorder.snapshot())
                 with suppress(OSError):  # no process to be had
                     self._copies[name] = Fork(partial(judge_object, sofar, name))
                 return
@@ -308,7 +308,7 @@ class Ahead:
 
     def _has_free_processor(self) -> bool:
         """True if a processor is free in addition to those of the execution and of the copies."""
-        working = sum(copy.running for copy in (*self._copies.values(), self._beside) if copy)
+        working = sum(copy.running for copy in (*self._copies.values(), self._replay) if copy)
         return can_copy() and working < len(os.sched_getaffinity(0)) - 1
 
     def close(self) -> None:
@@ -318,10 +318,10 @@ class Ahead:
 
 
 def estimate_ahead(
-    run: Run, cell: Cell, beside: Fork[Given] | None
+    run: Run, cell: Cell, replay: Fork[Given] | None
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 
-    `beside` is a fork that already runs.
+    `replay` is a fork that already runs.
     """
-    return closing(Ahead(run, beside)) if cell.simulated else nullcontext()
+    return closing(Ahead(run, replay)) if cell.simulated else nullcontext()

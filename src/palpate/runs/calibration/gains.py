@@ -252,7 +252,7 @@ def own_causes(gains: Array, others: Array) -> list[Cause]:
 
 
 def own_fit(causes: Sequence[Cause], torques: Array, noise: Array) -> Posterior:
-    """Fit torques `observed` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N m."""
+    """Fit torques `torques` (n, 7) with the noise covariance `noise` (n, 7, 7) of each rest, N m."""
     roots: list[Array] = [*np.linalg.cholesky(noise).astype(np.float64)]
     return fit(causes, SignalNoise(roots, KNOWN), torques.ravel())
 
