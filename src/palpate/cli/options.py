@@ -20,8 +20,8 @@ _DECLARED = tuple(iter_options(Settings))
 SCENE = ("poses", "root", "robot_body", "arm")
 ASKED = ("request", "measure", "scene", "images", *SCENE)
 LOOK = ("camera", "intrinsics", "pose_estimator")
-MOTION = tuple(one.name for one in _DECLARED if one.option.panel == "Robot")
-PLANNER = tuple(one.name for one in _DECLARED if one.option.panel == "Planner")
+MOTION = tuple(o.name for o in _DECLARED if o.option.panel == "Robot")
+PLANNER = tuple(o.name for o in _DECLARED if o.option.panel == "Planner")
 MODEL = "model_settings"  # All options of a model as planner
 
 SceneArgument = Annotated[

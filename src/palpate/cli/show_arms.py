@@ -46,18 +46,18 @@ def show_calibration(done: Calibration, as_json: bool) -> None:
     with printing():
         if as_json:
             seconds = round(done.robot_seconds, 2)
-            content = {"file": done.file, "robot_seconds": seconds, "figures": done.found}
+            content = {"file": done.file, "robot_seconds": seconds, "figures": done.figures}
             print_json(to_json(content))
             return
         table = figure_table("figure", "before", "now", no_wrap=True)
-        for figure in done.found:
+        for figure in done.figures:
             table.add_row(
                 figure.name,
                 _format_figure(figure, figure.before),
                 _format_figure(figure, figure.after),
             )
         out.print(table)
-        for by in dict.fromkeys(figure.by for figure in done.found):
+        for by in dict.fromkeys(figure.by for figure in done.figures):
             out.print(f"measured with {by}", markup=False)
         out.print(f"{done.robot_seconds:.0f} s of robot time; written to {done.file}", markup=False)
 

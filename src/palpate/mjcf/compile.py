@@ -31,7 +31,7 @@ from palpate.mjcf.roles import Roles
 # Without a receiver MuJoCo prints its warnings, and writes MUJOCO_LOG.TXT into the working directory.
 if mujoco.get_mju_user_warning() is None:
     mujoco.set_mju_user_warning(
-        lambda said: logging.getLogger(__name__).warning("MuJoCo: %s", said)
+        lambda message: logging.getLogger(__name__).warning("MuJoCo: %s", message)
     )
 
 BASE_SITE = "robot_base"

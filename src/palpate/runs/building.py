@@ -178,7 +178,7 @@ def _compared_interval(trace: Trace, recording: Recording, since: float) -> tupl
         later = [leaf for leaf in every if leaf.start >= since] or every
         empty = [leaf for leaf in later if leaf.end <= recording.start] or later[:1]
     used = [recording, *empty]
-    return min(one.start for one in used), max(one.end for one in used)
+    return min(r.start for r in used), max(r.end for r in used)
 
 
 def iter_rests(leaves: Sequence[LeafRun]) -> Iterator[int]:

@@ -171,21 +171,21 @@ class ArmNoise:
     Attributes:
         source: name of the recording.
         seconds: its length.
-        found: figures of each joint.
+        statistics: figures of each joint.
         arm: description of the arm.
         notes: repairs at reading.
     """
 
     source: str
     seconds: float
-    found: LogStatistics
+    statistics: LogStatistics
     arm: RobotDescription
     notes: tuple[str, ...] = ()
 
     @property
     def figures(self) -> dict[str, FigureInterval]:
         """Figures of each joint, by name."""
-        return self.found.figures()
+        return self.statistics.figures()
 
     @property
     def models(self) -> dict[str, dict[str, list[float]]]:
@@ -210,7 +210,7 @@ class ArmNoise:
         Raises InputError: the file exists, or cannot be written.
         """
         path = Path(path)
-        text = noise_file(self.found, self.arm, path.stem, self.seconds)
+        text = noise_file(self.statistics, self.arm, path.stem, self.seconds)
         write_new(path, text)
         return path
 

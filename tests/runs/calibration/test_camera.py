@@ -59,13 +59,13 @@ def test_a_tag_determines_the_pose_of_the_camera(
     assert np.linalg.norm(off) < 0.003
     count = len(done.pictures.corners)
     assert result.by == f"tag 7 {tag} in {count} pictures of {source}"
-    assert [item.name for item in done.found][::3] == [
+    assert [item.name for item in done.figures][::3] == [
         "camera x",
         "camera turn x",
         "camera focal length",
     ]
     assert (tmp_path / "left.png").read_bytes().startswith(b"\x89PNG")
-    for item in done.found[3:6]:  # its turn, 3 mrad before
+    for item in done.figures[3:6]:  # its turn, 3 mrad before
         assert item.after[1] < surer * item.before[1]
 
 

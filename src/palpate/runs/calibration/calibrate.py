@@ -58,7 +58,7 @@ class Calibration:
     """Result of a calibration and its file."""
 
     config: RobotConfig  # the calibrated figures
-    found: tuple[CalibratedFigure, ...]  # figures before and after
+    figures: tuple[CalibratedFigure, ...]  # figures before and after
     file: Path  # the robot.yaml
     robot_seconds: float  # duration of the motions, s
     pictures: HandEye | None = None  # to which the camera's pose was fitted
