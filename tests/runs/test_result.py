@@ -19,7 +19,7 @@ from palpate.estimation.estimate import Estimate, FitTest, FurtherValue, Shared,
 from palpate.execution.rehearsal import Rehearsal
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
-from palpate.runs.read import NOTHING, belief_from, estimate_from
+from palpate.runs.read import EMPTY_SCENE, belief_from, estimate_from
 from palpate.runs.result import belief_json, parameter_json, result_json
 from palpate.runs.run import Ending, Run, Status
 from palpate.runs.settings import Settings
@@ -357,7 +357,7 @@ def test_a_negative_standard_deviation_is_refused() -> None:
 def test_estimates_of_a_simulated_run_say_so(simulated: bool) -> None:
     mass = Estimate.normal(Parameter("mug", "mass"), "kg", 0.34, 0.01, "Weighed.")
     plan = Plan((mass.parameter,), None, "")
-    run = Run(Settings(), parse_scene(NOTHING), plan, estimates=(mass,), simulated=simulated)
+    run = Run(Settings(), parse_scene(EMPTY_SCENE), plan, estimates=(mass,), simulated=simulated)
     (outcome,) = run.estimates
     assert outcome == mass, "the label is no part of the result"
     assert repr(outcome).endswith(", simulated>") == simulated

@@ -11,7 +11,7 @@ from palpate.cli.options import MODEL, AsJson, Given, SceneFile, Yes, settings
 from palpate.runs.settings import References, settings_of
 
 OF_ARM = ("poses", "world", "arm", "robot", "robot_config", "noise", "seed", "cautious")
-PATIENCE = f"{MODEL}.budget.seconds"
+SECONDS = f"{MODEL}.budget.seconds"
 
 
 def calibrate(
@@ -112,7 +112,7 @@ def doctor(
     given: Annotated[
         Given,
         settings(
-            "robot", "arm", "robot_config", f"{MODEL}.base_url", PATIENCE, defaults={PATIENCE: 60}
+            "robot", "arm", "robot_config", f"{MODEL}.base_url", SECONDS, defaults={SECONDS: 60}
         ),
     ],
     yes: Yes = False,

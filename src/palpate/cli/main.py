@@ -15,7 +15,7 @@ from palpate.common.processes import ending_signals, ignore_signals, interrupts
 INTERRUPTED = 130  # Exit status of typer for a signal outside of a command
 # New objects between two garbage collections. A program creates hardly any garbage while it loads.
 # Python's default of 700 takes a sixth of the time of `palpate plan`.
-LITTER = 100_000
+GC_THRESHOLD = 100_000
 GRACE = 0.1  # s: wait for a thread of palpate at exit
 
 
@@ -24,7 +24,7 @@ def main() -> None:
     # Use one BLAS thread: matrices are small, and the threads of parallel processes block each
     # other, ten times slower.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    gc.set_threshold(LITTER)
+    gc.set_threshold(GC_THRESHOLD)
     with interrupts(ending_signals()) as signals, signals.defer():
         try:
             _choose_opengl()

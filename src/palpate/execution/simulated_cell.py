@@ -22,7 +22,7 @@ from palpate.perception.film import Footage
 from palpate.perception.renderer import extent, gl_available
 from palpate.perception.stage import render_workspace
 from palpate.robots.noise_levels import DEFAULT_LEVEL
-from palpate.scene.load import NOTHING, as_world, load_scene
+from palpate.scene.load import NO_QUANTITIES, as_world, load_scene
 from palpate.scene.scene import Scene
 
 if TYPE_CHECKING:
@@ -196,7 +196,7 @@ def simulated_cell(
     # A file is compiled exactly as it is: no prior fills its gaps.
     if isinstance(world, Path):
         arm = scene.arm if scene is not None else arm
-        world = load_scene(world, None, arm, NOTHING, root, robot_body)
+        world = load_scene(world, None, arm, NO_QUANTITIES, root, robot_body)
     world = as_world(world)
     names: dict[str, str] = {}
     if scene is not None and seen:

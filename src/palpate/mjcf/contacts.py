@@ -49,7 +49,7 @@ RUBBER = 1.0
 # smaller, as the simulation step must be shorter than 2 / sqrt(n k / (1 - d + n d)) for n points.
 IMPEDANCE = 0.1
 # `solmix` of soft contacts: weight of their impedance against that of other geoms (1).
-DECIDES = "1000000"
+SOLMIX = "1000000"
 SOLIMP = "0.9 0.95 0.001 0.5 2"  # MuJoCo's default
 # m. MuJoCo 4.0.0 inverts the normal of a contact where a curved shape enters a box or a mesh by
 # less than a fifth of this tolerance. The contact then pulls (findings/mujoco_contact_normal.sh).
@@ -179,7 +179,7 @@ def soften_surface(body: BodyDescription, stiffness: float, std: float | None) -
     for geom in body.elements.colliding:
         yield Edit(geom, "solref", numbers, "0 0")
         yield Edit(geom, "solimp", {0: str(IMPEDANCE), 1: str(IMPEDANCE)}, SOLIMP)
-        yield Edit(geom, "solmix", {0: DECIDES}, "1")
+        yield Edit(geom, "solmix", {0: SOLMIX}, "1")
 
 
 def damp_surface(body: BodyDescription, damping: float, std: float | None) -> Iterator[Edit]:
@@ -211,7 +211,7 @@ def fingertip_mass(body: BodyDescription) -> float:
     box = mujoco.mjtGeom.mjGEOM_BOX
     plate = spec.worldbody.add_geom(type=box, size=(1.0, 1.0, 1.0), pos=(0.0, 0.0, -1.0))
     plate.friction, plate.condim = model.geom_friction[geom], int(model.geom_condim[geom])
-    plate.priority, plate.solmix = int(model.geom_priority[geom]), float(DECIDES)
+    plate.priority, plate.solmix = int(model.geom_priority[geom]), float(SOLMIX)
     plate.solref[:], plate.solimp[:2] = (-1.0, 0.0), IMPEDANCE
     add_ball(spec, (0.0, 0.0, BALL - PRESSED))
     # Force at rest: the sum of aref / R over the rows of the contact.

@@ -34,7 +34,7 @@ from palpate.mjcf.elements import (
     meets_hand,
 )
 
-NOBODY = "none"  # Stated in place of a body's name for a scene without a robot
+NO_ROBOT = "none"  # Stated in place of a body's name for a scene without a robot
 # Words of a body's name that identify the end of an arm.
 HANDS = frozenset({"hand", "gripper", "finger", "fingers"})
 
@@ -63,7 +63,7 @@ class Robots:
         # Names of the user that belong to the attached model, without its prefix.
         named = [name.removeprefix(prefix) for name in self.named if name.startswith(prefix)]
         if self.named and not named:
-            named = [NOBODY]
+            named = [NO_ROBOT]
         return Robots(tuple(named), find_driven_names(root), self.defaults)
 
     def _is_robot(self, body: Element) -> bool:
@@ -396,7 +396,7 @@ def _has_copies(body: Element, roles: Roles, model: _Model) -> bool:
 def _require_named_robots(document: Document, roles: Roles) -> None:
     """Require that each robot named by the user is in the scene."""
     # Names of the robots found, and of the other bodies, which are valid choices.
-    names = {NOBODY}
+    names = {NO_ROBOT}
     for robot in roles.robots:
         part = find_attached(robot, document, ()) if robot.tag == ATTACH else None
         if part is None:
@@ -407,4 +407,4 @@ def _require_named_robots(document: Document, roles: Roles) -> None:
     valid = {name for body in others if body.tag == "body" and (name := body.get("name"))}
     for name in document.robots:
         if name not in names:
-            raise unknown_name("robot body", name, {*valid, NOBODY})
+            raise unknown_name("robot body", name, {*valid, NO_ROBOT})

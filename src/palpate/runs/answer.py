@@ -21,7 +21,7 @@ from palpate.runs.run import Run
 
 # First words of a question that is answered by yes or no.
 ASKING = ("is", "are", "does", "do", "ist", "sind", "wiegt", "est", "è", "pesa")
-CERTAIN = 1e-6  # Smallest probability that is printed as a number
+LEAST_PROBABILITY = 1e-6  # Smallest probability that is printed as a number
 UNCERTAIN = 0.05  # Probability of the opposite order above which a comparison stays open
 
 
@@ -195,7 +195,11 @@ def _word_answer(
     chance = tails * _chance(first, second)
     if chance > UNCERTAIN:
         return f"open: {figures}, too close to tell (p {chance:.2g})"
-    certain = f"{figures} (p {chance:.1g})" if chance > CERTAIN else f"{figures} (p < {CERTAIN:g})"
+    certain = (
+        f"{figures} (p {chance:.1g})"
+        if chance > LEAST_PROBABILITY
+        else f"{figures} (p < {LEAST_PROBABILITY:g})"
+    )
     if subject is None:
         return f"{first.name or second.name}: {certain}"
     return f"{'yes' if subject == first.name else 'no'}: {certain}"

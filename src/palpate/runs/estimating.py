@@ -36,7 +36,7 @@ from palpate.scene.load import correct_body, scene_with_measurements
 from palpate.scene.scene import Scene
 from palpate.trace.samples import Trace
 
-MADE_UP = "Simulated: the true value was drawn from priors, and is that of no real thing."
+DRAWN_TRUTH = "Simulated: the true value was drawn from priors, and is that of no real thing."
 
 
 def estimate(run: Run, cell: Cell | None, callbacks: RunCallbacks = SILENT) -> Run:
@@ -228,7 +228,7 @@ def _annotate(run: Run, estimate: Estimate) -> Estimate:
         return estimate
     # The twin quotes only the method's text, so this text must state that the truth was drawn from
     # priors.
-    return replace(estimate, method=f"{estimate.method} {MADE_UP}".lstrip())
+    return replace(estimate, method=f"{estimate.method} {DRAWN_TRUTH}".lstrip())
 
 
 def _validate(

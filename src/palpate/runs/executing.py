@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 # m: distance of an object from its believed position that is allowed in addition to the uncertainty
 # of sight, as for neighbours in a rehearsal.
 MOVED = 0.005
-OFTEN = 5.0  # s of robot time: least interval between two looks
+LOOK_PERIOD = 5.0  # s of robot time: least interval between two looks
 
 
 See = Callable[[], "Seen | None"]  # Take a look; None where the camera shows nothing of the scene
@@ -59,7 +59,7 @@ class CameraWatch:
         """Correct the state after the leaf at a path. Raises LeafFailure: an object is not at its
         believed position, or the camera does not answer."""
         state, now = self.settled(path, blackboard), blackboard.robot.state.t
-        if now - self._looked < OFTEN or blackboard.motions > 1 or not _is_away(state):
+        if now - self._looked < LOOK_PERIOD or blackboard.motions > 1 or not _is_away(state):
             return state
         # Compare the seen positions with the believed ones.
         self._looked = now

@@ -28,7 +28,7 @@ from palpate.runs.run import TRACE, Run
 from palpate.runs.shown import trace_messages
 from palpate.trace.mcap import write_mcap
 
-ANOTHER = "; choose another out="  # Remedy for a folder that cannot be written
+OTHER_FOLDER = "; choose another out="  # Remedy for a folder that cannot be written
 MAX_JSON = 20_000_000  # Maximum size of a JSON file of a run, bytes
 
 _HOST = f"{zlib.crc32(platform.node().encode()):08x}"
@@ -49,7 +49,7 @@ def check_writable(path: Path) -> None:
     _check_free(path)
     # Write a file into the nearest existing parent.
     folder = next(parent for parent in path.absolute().parents if parent.exists())
-    with writing(path, ANOTHER):
+    with writing(path, OTHER_FOLDER):
         trial = _scratch(folder, path.name)
         try:
             (trial / "trial").write_bytes(b"trial")
@@ -60,7 +60,7 @@ def check_writable(path: Path) -> None:
 def growing_folder(path: Path) -> None:
     """Make the folder of a run that begins. Raises InputError: it exists or cannot be made."""
     _check_free(path)
-    with writing(path, ANOTHER):
+    with writing(path, OTHER_FOLDER):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent)
         path.mkdir()
@@ -75,7 +75,7 @@ def new_folder(path: Path) -> Generator[Path]:
     """
     _check_free(path)
     # Make the scratch folder in the same parent, so that the rename is atomic.
-    with writing(path, ANOTHER):
+    with writing(path, OTHER_FOLDER):
         path.parent.mkdir(parents=True, exist_ok=True)
         sweep(path.parent)
         scratch = _scratch(path.parent, path.name)

@@ -22,7 +22,7 @@ from palpate.trace.samples import Samples
 
 Step = Callable[[Run], Iterator[Run]]  # Stage of a run: yields the grown run once or several times
 # Message of a failed crash-safe trace. The finished trace is written all the same.
-GROWING = "the trace was not written down while it grew"
+TRACE_FAILED = "the trace was not written down while it grew"
 WRITING = 0.02  # Largest share of time spent on writing result.json while estimates are made
 
 
@@ -189,7 +189,7 @@ class Keeper:
             try:
                 stream.close()
             except OSError as error:
-                self.note_shortfall(GROWING, error)
+                self.note_shortfall(TRACE_FAILED, error)
 
     def _discard(self) -> None:
         """Remove the folder of a run in which nothing has moved."""

@@ -26,7 +26,7 @@ from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.estimating import Ahead, estimate, estimate_ahead, estimates
 from palpate.runs.executing import execute
 from palpate.runs.folder import check_writable
-from palpate.runs.keeper import GROWING, Keeper, Step
+from palpate.runs.keeper import TRACE_FAILED, Keeper, Step
 from palpate.runs.planning import confirm, load, plan, preflight, rehearse
 from palpate.runs.run import TRACE, Run, Stage
 from palpate.runs.saving import (
@@ -215,7 +215,7 @@ class _Steps:
     def _keep(self, samples: Samples, recorder: Recorder) -> None:
         # A failure of one of these steps must not stop the arm.
         follow, ahead, reel = self.keeper.follow, self.ahead, self.reel
-        follow(GROWING, lambda: self.keeper.samples(samples, recorder))
+        follow(TRACE_FAILED, lambda: self.keeper.samples(samples, recorder))
         if ahead is not None:
             follow("no estimate was begun while the arm moved", lambda: ahead.look(recorder))
         if reel is not None:

@@ -44,7 +44,7 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-NOTHING = "<mujoco><worldbody/></mujoco>"  # Scene of a run without a scene file
+EMPTY_SCENE = "<mujoco><worldbody/></mujoco>"  # Scene of a run without a scene file
 
 
 @cache
@@ -168,7 +168,7 @@ def _find_scene(
             return parse_scene(read_text(own), poses=poses, arm=arm, robot_body=robots), None
     if settings.scene is not None and settings.scene.exists():
         return settings.read_scene(arm), None
-    return parse_scene(NOTHING, arm=arm), None
+    return parse_scene(EMPTY_SCENE, arm=arm), None
 
 
 def _ending(document: dict[str, Any] | None) -> Ending | None:

@@ -26,7 +26,7 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.owner import own_arm
 from palpate.runs.building import build_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
-from palpate.runs.read import NOTHING
+from palpate.runs.read import EMPTY_SCENE
 from palpate.runs.run import RECORDING, Ending, Run
 from palpate.runs.settings import Settings
 from palpate.scene.load import parse_scene
@@ -60,7 +60,7 @@ def estimate_recording(
     # Load the arm and the scene that contains the load.
     arm = own_arm(settings.arm, settings.cautious, settings.robot_config, real=True)
     if settings.scene is None:
-        scene = parse_scene(NOTHING, arm=arm)
+        scene = parse_scene(EMPTY_SCENE, arm=arm)
     else:
         scene = settings.read_scene(arm)
         objects = [name for name, body in scene.bodies.items() if body.role == "object"]

@@ -161,7 +161,7 @@ def dynamics(
 
 # Noise of an arm, from a recording of it.
 
-BESIDE = ("measured", "hardware", "datasheet", "lab")
+COMPARED_MODELS = ("measured", "hardware", "datasheet", "lab")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -192,7 +192,7 @@ class ArmNoise:
         """Figures in palpate's own noise models, by the model's name."""
         return {
             name: {key: values.tolist() for key, values in stated_figures(name, self.arm).items()}
-            for name in BESIDE
+            for name in COMPARED_MODELS
         }
 
     def record(self) -> dict[str, Any]:

@@ -19,9 +19,9 @@ from palpate.runs.trial import FINEST, LONGEST, REST, PhysicsTrial, Values, disa
 from palpate.scene.scene import Scene
 
 # Directions in which a task is tried, world axes. The first possible one is taken.
-WAYS = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]])
+DIRECTIONS = np.array([[1.0, 0, 0], [0, 1.0, 0], [-1.0, 0, 0], [0, -1.0, 0]])
 BISECTIONS = 11  # Bisection steps in the search for an action: they determine it to 5e-4
-STRONGEST = 100.0  # Largest force that is tried, as a multiple of the object's weight
+LARGEST_FORCE = 100.0  # Largest force that is tried, as a multiple of the object's weight
 LOW = 0.1  # Height of a push, as a share of the object's height
 # rad: largest tilt of an object that has slid. With more it has tipped over.
 UPRIGHT = float(np.radians(20))
@@ -42,7 +42,7 @@ class Task(ABC, Generic[World]):
     says: ClassVar[str]  # description
     unit: ClassVar[Unit]  # unit of the result
     goal: ClassVar[float]  # result to reach
-    ways: ClassVar[Array] = WAYS  # (n, 3) directions in which it is tried
+    ways: ClassVar[Array] = DIRECTIONS  # (n, 3) directions in which it is tried
 
     def plan(self, world: World) -> float | None:
         """Plan the action that ends at the goal in a world; None if the object tips over before, or
@@ -83,7 +83,7 @@ class OfObject(Task[PhysicsTrial]):
 
     def action_range(self, world: PhysicsTrial) -> tuple[float, float]:
         """Forces in proportion to the object's weight, N."""
-        return 0.1 * world.weight, STRONGEST * world.weight
+        return 0.1 * world.weight, LARGEST_FORCE * world.weight
 
 
 class Slide(OfObject):
@@ -293,7 +293,7 @@ class JointTrial:
 class JointTask(Task[JointTrial]):
     """Base of tasks with a joint. The action is a force at its handle, N."""
 
-    ways: ClassVar[Array] = WAYS[:1]  # along the joint, in its own direction
+    ways: ClassVar[Array] = DIRECTIONS[:1]  # along the joint, in its own direction
 
     def action_range(self, world: JointTrial) -> tuple[float, float]:
         """The same range of forces in every world, N."""

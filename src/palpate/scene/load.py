@@ -233,7 +233,7 @@ def _places(scene: Scene, rises: Mapping[str, float]) -> Iterator[tuple[str, flo
 
 
 # Catalogue of a simulated world: no quantity is unknown, so no prior is used.
-NOTHING = Catalogue(())
+NO_QUANTITIES = Catalogue(())
 
 
 def load_scene(
@@ -291,7 +291,7 @@ def as_world(scene: Scene) -> Scene:
     # Parse the text again: a description without unknowns needs no priors.
     resolved = scene.resolved
     document = reparse(Texts(scene.text), resolved.document)
-    return _scene(document, scene.path, resolved.poses, scene.arm, NOTHING)
+    return _scene(document, scene.path, resolved.poses, scene.arm, NO_QUANTITIES)
 
 
 def scene_from_text(

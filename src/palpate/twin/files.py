@@ -21,7 +21,7 @@ from palpate.mjcf.edits import (
 from palpate.mjcf.reading import parse_document, reparse
 
 TWIN = "twin.xml"  # Name of a twin in the folder of a run
-BESIDE = "twin_"  # Prefix of the names of attached models in the same folder
+MODEL_PREFIX = "twin_"  # Prefix of the names of attached models in the same folder
 ASSETS = "assets"  # Folder of copies of meshes, pictures and height fields
 # Attributes of `<compiler>` that name the folders of files.
 FOLDERS = ("meshdir", "texturedir", "assetdir", "strippath")
@@ -98,10 +98,10 @@ class _Packing:
         """Pack a file under a free name: an asset under its own, a model in the folder of the main text."""
         # Add a number until the name is free.
         taken = {self.main, *self.names.values()}
-        name, number = (f"{BESIDE}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
+        name, number = (f"{MODEL_PREFIX}{path.name}" if is_model else f"{ASSETS}/{path.name}"), 1
         while name in taken:
             number += 1
-            numbered = f"{BESIDE}{path.stem}-{number}{path.suffix}"
+            numbered = f"{MODEL_PREFIX}{path.stem}-{number}{path.suffix}"
             name = numbered if is_model else f"{ASSETS}/{number}/{path.name}"
         self.names[path] = name
         if is_model:

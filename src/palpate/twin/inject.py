@@ -39,7 +39,7 @@ ROUNDED = 1e-5
 DIGITS = 0.1
 # Standard deviations: tolerance where one number states several components, as the radius of a
 # round object.
-TOGETHER = 1.0
+SHARED_TOLERANCE = 1.0
 
 
 def inject(
@@ -324,7 +324,7 @@ def iter_misread(
             written = np.array(quantity.prior(original, values).std) > 0.0
         # Tolerance: rounding, and a share of the standard deviation.
         error = np.abs(np.array(read) - value)[written]
-        share = DIGITS if stated else TOGETHER
+        share = DIGITS if stated else SHARED_TOLERANCE
         allowed = ROUNDED * float(np.abs(value).max()) + share * std.get(parameter, 0.0)
         if (error > allowed).any():
             wrote, got = (" ".join(f"{part:.6g}" for part in numbers) for numbers in (value, read))

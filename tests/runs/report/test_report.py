@@ -25,7 +25,7 @@ from palpate.perception.film import Film
 from palpate.perception.renderer import png
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Node, Plan
-from palpate.runs.read import NOTHING
+from palpate.runs.read import EMPTY_SCENE
 from palpate.runs.report.cards import parameter_groups
 from palpate.runs.report.changes import change
 from palpate.runs.report.data import Pictures, ReportData
@@ -230,7 +230,7 @@ def test_a_bare_run_still_has_a_page(status: str, tmp_path: Path) -> None:
         "failed": {"plan": replace(heat, parameters=(wanted,)), "execution": done},
         "complete": {"plan": replace(heat, declared="nothing_missing")},
     }
-    run = Run(Settings(), parse_scene(NOTHING), **states[status])
+    run = Run(Settings(), parse_scene(EMPTY_SCENE), **states[status])
     assert run.status == status
     bare = ReportData(run)
     page = page_of(bare, tmp_path)

@@ -8,7 +8,7 @@ from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate
 from palpate.runs.proof import prove
-from palpate.runs.tasks import WAYS, Coast, Steady, joint_trial_of
+from palpate.runs.tasks import DIRECTIONS, Coast, Steady, joint_trial_of
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
 
@@ -45,20 +45,20 @@ def test_a_drawer_coasts_as_far_as_friction_lets_it() -> None:
     world = joint_trial_of(scene(), "thing", {DAMPING: (0.0,), FRICTION: (3.0,)})
     v = (7.0 - 3.0) * 0.2 / 2.0
     expected = v * 0.2 / 2 + 2.0 * v**2 / (2 * 3.0)
-    assert Coast(WAYS[0]).outcome(world, 7.0) == pytest.approx(expected, rel=0.05)
+    assert Coast(DIRECTIONS[0]).outcome(world, 7.0) == pytest.approx(expected, rel=0.05)
 
 
 def test_a_drawer_opens_steadily_against_friction_and_damping() -> None:
     """Once it has its speed (2 kg over 20 N s/m: in 0.1 s): f + b v."""
     world = joint_trial_of(scene(), "thing", {DAMPING: (20.0,), FRICTION: (3.0,)})
-    assert Steady(WAYS[0]).plan(world) == pytest.approx(3.0 + 20.0 * 0.1, rel=0.02)
+    assert Steady(DIRECTIONS[0]).plan(world) == pytest.approx(3.0 + 20.0 * 0.1, rel=0.02)
 
 
 def test_a_door_has_the_same_forces_at_its_handle() -> None:
     """0.3 m from its hinge; it opens the other way, to its lower limit."""
     values = {DAMPING: (20.0 * 0.3**2,), FRICTION: (3.0 * 0.3,)}
     world = joint_trial_of(scene("hinge"), "thing", values)
-    assert Steady(WAYS[0]).plan(world) == pytest.approx(5.0, rel=0.02)
+    assert Steady(DIRECTIONS[0]).plan(world) == pytest.approx(5.0, rel=0.02)
 
 
 @pytest.mark.parametrize("kind", JOINTS)

@@ -11,7 +11,7 @@ from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.estimation.estimate import Estimate, not_identified
 from palpate.runs.proof import Proof, prove
-from palpate.runs.tasks import WAYS, Slide, SpringPush, Throw, Topple
+from palpate.runs.tasks import DIRECTIONS, Slide, SpringPush, Throw, Topple
 from palpate.runs.trial import trial_of
 from palpate.scene.load import parse_scene
 from palpate.scene.scene import Scene
@@ -27,7 +27,7 @@ SCENE = """<mujoco><option timestep="0.002"/><worldbody>
 """
 MASS, FRICTION = Parameter("block.mass"), Parameter("block.friction")
 TRUE = {MASS: (0.3,), FRICTION: (0.4,)}
-X = WAYS[0]
+X = DIRECTIONS[0]
 
 
 @cache

@@ -7,7 +7,7 @@ The height error h of a touch at x and y from the base follows the plane
 The offset c is the error of the tip length and of the base's height. The slope s is the tilt of the
 base. Joint offsets and link errors have the same effect over a few decimetres.
 
-The residuals of the plane have two parts: the frame error `BENT` of an uncalibrated arm, and the
+The residuals of the plane have two parts: the frame error `PLANE_RESIDUAL` of an uncalibrated arm, and the
 pose repeatability on the datasheet. The touches show which share of both this arm has. A distorted
 frame also tilts, so tilts and residuals are judged together. The residuals of five places alone
 would be too uncertain.
@@ -33,10 +33,10 @@ from palpate.trace.samples import Trace
 FEWEST = 3  # Least count of places: a plane has three coefficients
 # m (1 sigma): residuals of a plane through the gauges of the bench, at them and between them. Root
 # mean square over 200 arms with joint offsets of 1 mrad and link errors of 0.3 mm.
-BENT = 6e-5
+PLANE_RESIDUAL = 6e-5
 # m above and below the gauges. Over this range of heights the frame error is taken to grow in
 # proportion to the arm's reach.
-AROUND = 0.1
+HEIGHT_RANGE = 0.1
 # Shares of the pose repeatability on the datasheet, which is an upper bound. They are equally
 # probable a priori.
 SHARES = (1.0 / 64.0, 1.0 / 8.0, 1.0)
@@ -98,7 +98,7 @@ def fit_tips(
     require_plane(float(mean[0]), (high - design @ mean) / full, prior[0], known)
     # Variance of a height between the gauges, and factor for heights above or below them.
     variance = float(np.trace(design @ covariance @ design.T)) / len(spots)
-    away = leaning * AROUND
+    away = leaning * HEIGHT_RANGE
     std_x, std_y = np.sqrt(covariance.diagonal()[1:])
     # Compliance: the mean over touches. One loading curve is no more accurate than its contact
     # onset.
@@ -107,7 +107,9 @@ def fit_tips(
     scatter = max(float(compliances.std(ddof=1)), single / np.sqrt(len(touches)))
     return Tips(
         offset=hand.tip_offset + float(mean[0] - mean[1:] @ middle),
-        offset_std=float(np.linalg.norm([variance**0.5, frame * BENT, frame * away, known.std])),
+        offset_std=float(
+            np.linalg.norm([variance**0.5, frame * PLANE_RESIDUAL, frame * away, known.std])
+        ),
         repeatability=repeated,
         # A slope along y is a rotation about x, one along x a negative rotation about y.
         lean=np.array([-mean[2], mean[1]]),
@@ -121,17 +123,17 @@ def fit_tips(
 def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> Array:
     """Standard deviation (n,), m, of the mean height at each place from the plane.
 
-    `heights`, m, are the touches of each of n places, `frame` is the arm's share of `BENT`, `repeatability` is in m.
+    `heights`, m, are the touches of each of n places, `frame` is the arm's share of `PLANE_RESIDUAL`, `repeatability` is in m.
     """
     # Scatter of one touch, reduced by averaging, and the frame error that averaging keeps.
     single = np.hypot(repeatability, UNSEEN)
-    return np.hypot(frame * BENT, [single / np.sqrt(len(place)) for place in heights])
+    return np.hypot(frame * PLANE_RESIDUAL, [single / np.sqrt(len(place)) for place in heights])
 
 
 def shares(
     heights: Sequence[Array], design: Array, prior: Array, repeatability: float
 ) -> tuple[float, float]:
-    """Estimate the arm's shares of the frame error `BENT` and of the stated repeatability.
+    """Estimate the arm's shares of the frame error `PLANE_RESIDUAL` and of the stated repeatability.
 
     The result is the root mean square over `FRAMES` and `SHARES`, weighted by the evidence (Bishop,
     Pattern Recognition and Machine Learning, section 3.4). `heights` (k,), m, are the touches of each place, `design`
@@ -145,7 +147,7 @@ def shares(
     # Covariance of all touches: common height, tilts and frame error of each place, scatter of each touch.
     level, leans = rows[:, :1] * prior[0], rows[:, 1:] * prior[1:]
     always: Array = level @ level.T + UNSEEN**2 * identity
-    framed: Array = leans @ leans.T + BENT**2 * np.equal.outer(place, place)
+    framed: Array = leans @ leans.T + PLANE_RESIDUAL**2 * np.equal.outer(place, place)
     # Evaluate the evidence on a grid of shares.
     pairs = list(product(FRAMES, SHARES))
     # Gaussian log evidence of each pair of shares, without its constant.
