@@ -123,7 +123,7 @@ def fit_tips(
 def place_stds(heights: Sequence[Array], frame: float, repeatability: float) -> Array:
     """Standard deviation (n,), m, of the mean height at each place from the plane.
 
-    `heights`, m, are the touches of each of n places, `frame` is the share of `PLANE_RESIDUAL`, `repeatability` is in m.
+    `heights`, m, are the touches of each of n places, `frame` is the share of `PLANE_RESIDUAL`, `repeatability` in m.
     """
     # Scatter of one touch, reduced by averaging, and the frame error that averaging keeps.
     single = np.hypot(repeatability, UNSEEN)
