@@ -35,7 +35,7 @@ from palpate.robots.description import PREFIX, RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.robot_config import RobotConfig
 from palpate.runs.calibration.camera import KEPT, PICTURES, configurations, locate, select_views
-from palpate.runs.calibration.gains import LENGTH, Known
+from palpate.runs.calibration.gains import LENGTH, NamedSize
 from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.settings import WORLD_CAMERA, Settings
 from palpate.scene.scene import Scene
@@ -138,7 +138,7 @@ def drawn(session: CalibrationSession, noise: float, seed: int) -> Off:
 
 def whole(session: CalibrationSession, source: str) -> Off:
     """A calibration of a camera of the simulated world, as `palpate calibrate --camera` does it."""
-    tag = Known.of(f"0={SIDE * 1e3:g}mm±0.1mm", LENGTH, "tag")
+    tag = NamedSize.of(f"0={SIDE * 1e3:g}mm±0.1mm", LENGTH, "tag")
     found, _ = locate(session, source, None, tag)
     if source == WORLD_CAMERA + HAND:
         return _off(found, HELD)

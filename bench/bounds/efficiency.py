@@ -13,7 +13,7 @@ from bench.bounds.bound import bounds_of
 from palpate.runs import pipeline
 from palpate.runs.run import Run
 from palpate.studies.accuracy import displaced_cell
-from palpate.studies.efficiency import Ranged
+from palpate.studies.efficiency import RangedValue
 from palpate.studies.scenarios.catalogue import scenario
 from palpate.studies.workers import spread
 
@@ -28,7 +28,7 @@ class OverBound:
     scenario: str
     component: str
     values: int
-    ratio: Ranged
+    ratio: RangedValue
 
 
 def over_bounds(
@@ -46,7 +46,8 @@ def over_bounds(
         for component, ratio in ratios:
             groups.setdefault((name, component), []).append(ratio)
     return [
-        OverBound(*key, len(ratios), Ranged.rms(np.array(ratios))) for key, ratios in groups.items()
+        OverBound(*key, len(ratios), RangedValue.rms(np.array(ratios)))
+        for key, ratios in groups.items()
     ]
 
 

@@ -15,7 +15,7 @@ import numpy as np
 
 from bench.harm.judge import Harm
 from bench.harm.probe import Probed
-from palpate.studies.workers import Lines, Lost, Processes
+from palpate.studies.workers import Lines, Processes, WorkerLost
 
 LONGEST = 120
 """s of processor time after which a case counts as hung."""
@@ -181,7 +181,7 @@ class Ledger:
         names = [case.blank().case for case in cases]
         todo = [case for case, name in zip(cases, names, strict=True) if name not in done]
         for _, row in Processes(workers).each(partial(judged, work=work), todo):
-            if isinstance(row, Lost):
+            if isinstance(row, WorkerLost):
                 raise row
             Lines(self.file).add(asdict(row))
             done[row.case] = row

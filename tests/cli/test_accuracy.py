@@ -23,7 +23,7 @@ def asked(monkeypatch: pytest.MonkeyPatch) -> list[Settings]:
     result: list[Settings] = []
 
     def made_up(
-        settings: Settings, seed: int, displaced: bool, shared: accuracy.Prepared | None
+        settings: Settings, seed: int, displaced: bool, shared: accuracy.PreparedStudy | None
     ) -> SeedRun:
         assert displaced
         assert shared is not None

@@ -13,7 +13,7 @@ from palpate.runs import building as replaying
 from palpate.runs.building import PlanPart, iter_rests, replay_of, replay_parts, touch_twin
 from palpate.runs.run import Run
 from palpate.trace.recording import Context, LeafRun
-from palpate.twin.validate import Felt, mean_recordings
+from palpate.twin.validate import Means, mean_recordings
 
 TEXT = """<mujoco><worldbody>
   <site name="robot_base"/>
@@ -30,12 +30,12 @@ def run() -> Run:
 
 
 def tried(
-    run: Run, monkeypatch: pytest.MonkeyPatch, execute: Callable[..., Felt]
+    run: Run, monkeypatch: pytest.MonkeyPatch, execute: Callable[..., Means]
 ) -> list[list[PlanPart]]:
     """The parts that `execute` is asked for."""
     asked: list[list[PlanPart]] = []
 
-    def recorded(parts: list[PlanPart], world: pp.Scene) -> Felt:
+    def recorded(parts: list[PlanPart], world: pp.Scene) -> Means:
         asked.append(parts)
         return execute(parts, world)
 

@@ -17,7 +17,7 @@ import pytest
 from palpate.common.errors import InputError, Unavailable
 from palpate.runs.settings import Settings
 from palpate.studies.accuracy import Question, SeedRun, StudyCase, accuracy, run_case, run_seed
-from palpate.studies.workers import Lost, Processes, RayCrew, crew
+from palpate.studies.workers import Processes, RayCrew, WorkerLost, crew
 
 pytestmark = pytest.mark.long
 
@@ -87,7 +87,7 @@ def test_two_nodes_find_what_this_machine_finds(address: str, tmp_path: Path) ->
     assert (crash.status, crash.seed) == ("crashed", 7)
     assert "no such scenario" in crash.crash
     assert set(homes.values()) == set(NODES)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, WorkerLost)
 
 
 def by_value(function: Callable[[int], Any]) -> Callable[[int], Any]:

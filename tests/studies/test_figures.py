@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.stats import chi2
 
-from palpate.studies.efficiency import Ranged, Rate
+from palpate.studies.efficiency import RangedValue, Rate
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_the_interval_of_a_rate_without_trials_is_the_whole_range() -> None:
 
 def test_a_root_mean_square_has_the_interval_of_chi_squared() -> None:
     numbers = np.array([3.0, -4.0, 0.0, 1.0])
-    result = Ranged.rms(numbers)
+    result = RangedValue.rms(numbers)
     assert result.value == pytest.approx(sqrt(26 / 4))
     ends = [sqrt(26 / chi2.ppf(p, 4)) for p in (0.975, 0.025)]
     assert (result.low, result.high) == pytest.approx(ends)

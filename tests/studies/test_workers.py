@@ -7,7 +7,7 @@ from itertools import chain, repeat
 
 import pytest
 
-from palpate.studies.workers import Lost, Processes, Progress, spread
+from palpate.studies.workers import Processes, Progress, WorkerLost, spread
 
 FATAL = 3
 
@@ -41,12 +41,12 @@ def test_an_error_of_the_work_is_raised(workers: int) -> None:
 def test_a_task_that_ends_its_process_is_lost_alone() -> None:
     values = dict(Processes(2).each(deadly, range(9)))
     lost = values.pop(FATAL)
-    assert isinstance(lost, Lost)
+    assert isinstance(lost, WorkerLost)
     assert values == {i: i**2 for i in range(9) if i != FATAL}
 
 
 def test_spread_raises_a_lost_task() -> None:
-    with pytest.raises(Lost, match="ended"):
+    with pytest.raises(WorkerLost, match="ended"):
         spread(deadly, range(FATAL + 1), 2)
 
 

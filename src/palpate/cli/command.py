@@ -15,7 +15,7 @@ from typer.core import TyperCommand, TyperOption
 from palpate.cli.console import Voice, print_error
 from palpate.cli.options import FromSettings, typer_option
 from palpate.common.errors import ExecutionAborted, PalpateError
-from palpate.common.extensions import Declared, Option
+from palpate.common.extensions import DeclaredOption, Option
 from palpate.common.processes import interrupts
 
 VOICE = [field.name for field in fields(Voice)]
@@ -90,7 +90,7 @@ class _Group:
         for field in fields(self.kind):
             kind, info = get_args(hints[field.name])
             if isinstance(info, Option):
-                info = typer_option(Declared(field.name, field, kind, info))
+                info = typer_option(DeclaredOption(field.name, field, kind, info))
             default = Parameter.empty if field.default is MISSING else field.default
             yield _option(field.name, Annotated[kind, info], default)
 

@@ -11,10 +11,10 @@ from typing import Annotated, Any, get_args, get_origin
 import typer
 
 from palpate.common.errors import InputError
-from palpate.common.extensions import Declared, iter_options
+from palpate.common.extensions import DeclaredOption, iter_options
 from palpate.runs.settings import Settings
 
-Given = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
+GivenFields = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
 
 _DECLARED = tuple(iter_options(Settings))
 SCENE = ("poses", "root", "robot_body", "arm")
@@ -66,9 +66,9 @@ class FromSettings:
                 annotation=Annotated[_kind(declared.kind), typer_option(declared)],
             )
 
-    def gather(self, values: dict[str, Any]) -> Given:
+    def gather(self, values: dict[str, Any]) -> GivenFields:
         """Take these fields out of a command's arguments. Lists that were not given are left out."""
-        gathered: Given = {}
+        gathered: GivenFields = {}
         for name in (declared.name for declared in self._chosen()):
             value = values.pop(_flat(name))
             if value is not None:
@@ -80,8 +80,8 @@ class FromSettings:
                 inner[last] = value
         return gathered
 
-    def _chosen(self) -> list[Declared]:
-        options: list[Declared] = []
+    def _chosen(self) -> list[DeclaredOption]:
+        options: list[DeclaredOption] = []
         for wanted in self.names:
             options += [o for o in _DECLARED if o.name == wanted or o.name.startswith(f"{wanted}.")]
         return options
@@ -92,7 +92,7 @@ def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSett
     return FromSettings(names, defaults or {})
 
 
-def one_scene(argument: Path | None, given: Given) -> Given:
+def one_scene(argument: Path | None, given: GivenFields) -> GivenFields:
     """Add the scene that was given as an argument to the fields. Raises InputError: two scenes."""
     if argument is None:
         return given
@@ -113,7 +113,7 @@ def _kind(hint: Any) -> Any:
     return list[str] | None if hint is Any else hint
 
 
-def typer_option(declared: Declared) -> Any:
+def typer_option(declared: DeclaredOption) -> Any:
     """Make typer's option of a declared one."""
     option = declared.option
     return typer.Option(

@@ -104,7 +104,7 @@ class Option:
     choices: tuple[str, ...] = ()  # values that a shell completes
 
 
-class Declared(NamedTuple):
+class DeclaredOption(NamedTuple):
     """A field that is an option: its dotted name, `model_settings.base_url`, and its type."""
 
     name: str
@@ -117,7 +117,7 @@ class Declared(NamedTuple):
         return self.option.flags or (f"--{self.field.name.replace('_', '-')}",)
 
 
-def iter_options(model: Any, outer: str = "") -> Iterator[Declared]:
+def iter_options(model: Any, outer: str = "") -> Iterator[DeclaredOption]:
     """Iterate over the fields of a dataclass that are options, including those of nested dataclasses."""
     # Options are annotated fields; nested dataclasses add a prefix.
     hints = get_type_hints(model, include_extras=True)
@@ -129,4 +129,4 @@ def iter_options(model: Any, outer: str = "") -> Iterator[Declared]:
             kind, *extras = get_args(hint)
             for option in extras:
                 if isinstance(option, Option):
-                    yield Declared(name, field, kind, option)
+                    yield DeclaredOption(name, field, kind, option)

@@ -315,7 +315,7 @@ def _leave(*_: object) -> None:
 # Calls that may never return.
 
 
-class Late(Exception):
+class CallTimeout(Exception):
     """A call did not return in time. It continues in its thread; its result is lost."""
 
 
@@ -334,7 +334,7 @@ class Call(Generic[T]):
         threading.Thread(target=run, name=name, daemon=True).start()
 
     def result(self, seconds: float) -> T:
-        """Return the call's value, or raise its exception. Raises Late: no result within `seconds`."""
+        """Return the call's value, or raise its exception. Raises CallTimeout: no result within `seconds`."""
         if not wait([self._future], seconds).done:
-            raise Late(f"no answer within {seconds:.1f} s")
+            raise CallTimeout(f"no answer within {seconds:.1f} s")
         return self._future.result()

@@ -75,13 +75,13 @@ _UNITS = {"": 1, "k": 1 << 10, "m": 1 << 20, "g": 1 << 30, "t": 1 << 40, "p": 1 
 _POINT_BYTES = 16
 _SDF_BYTES = 1_000_000  # Equivalent file size of a mesh made by an SDF plugin, which takes 0.5 s
 # Elements that MuJoCo gets; those that are removed with a robot are left out.
-Loaded = Collection[Element]
+ElementSet = Collection[Element]
 # Prefix of MuJoCo's own plugins; other plugins would have to be loaded as code.
 _BUILT_IN = "mujoco."
 
 
 def require_limits(
-    document: Document, where: str = "the scene", loaded: Loaded | None = None
+    document: Document, where: str = "the scene", loaded: ElementSet | None = None
 ) -> None:
     """Check the size of a scene, with the models that it attaches and its `loaded` assets, by default all.
 
@@ -111,7 +111,7 @@ def require_limits(
                 )
 
 
-def has_large_textures(document: Document, loaded: Loaded) -> bool:
+def has_large_textures(document: Document, loaded: ElementSet) -> bool:
     """Test if textures have too many pixels in total, or unpack to more bytes than allowed."""
     try:
         require_limits(document, loaded={element for element in loaded if element.tag == "texture"})
@@ -120,7 +120,7 @@ def has_large_textures(document: Document, loaded: Loaded) -> bool:
     return False
 
 
-def mesh_bytes(document: Document, loaded: Loaded) -> float:
+def mesh_bytes(document: Document, loaded: ElementSet) -> float:
     """Sum the bytes of the loaded meshes of a scene and its attached models, in files and in the text."""
     total = 0.0
     for named in document.named:
@@ -185,7 +185,7 @@ def _amounts(element: Element) -> Iterator[tuple[str, float]]:
 
 
 def _file_amounts(
-    document: Document, loaded: Loaded | None
+    document: Document, loaded: ElementSet | None
 ) -> dict[Element, list[tuple[str, float]]]:
     """Compute the amounts that the files of each loaded element add: pixels of PNG pictures, other files' bytes."""
     amounts_of: dict[Element, list[tuple[str, float]]] = {}

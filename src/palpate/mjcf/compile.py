@@ -13,7 +13,13 @@ import mujoco
 from lxml import etree
 
 from palpate.common.errors import InputError
-from palpate.mjcf.bounds import HULL_POINTS, LARGE_MESHES, Loaded, has_large_textures, mesh_bytes
+from palpate.mjcf.bounds import (
+    HULL_POINTS,
+    LARGE_MESHES,
+    ElementSet,
+    has_large_textures,
+    mesh_bytes,
+)
 from palpate.mjcf.document import (
     ATTACH,
     Document,
@@ -62,7 +68,7 @@ class ModelTree:
         roots = {path: twin_of[model.root] for path, model in attached.items()}
         return cls(twin_of[document.root], roots, twin_of, document.folder)
 
-    def loaded_elements(self) -> Loaded:
+    def loaded_elements(self) -> ElementSet:
         """Return the document's elements that are in this tree, or in a model that it still names."""
         # Models that are reachable by the names in `<asset>`.
         roots, pending = {self.root}, [self.root]

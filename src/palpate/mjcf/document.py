@@ -37,7 +37,7 @@ class Place:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Named:
+class FileReference:
     """A file that an element names."""
 
     element: Element
@@ -77,7 +77,7 @@ class Document:
     asset_paths: Mapping[str, str] = field(default_factory=dict[str, str])
     # Text of each included file and attached model.
     texts: Mapping[Path, str] = field(default_factory=dict[Path, str])
-    named: tuple[Named, ...] = ()  # all references to files in them
+    named: tuple[FileReference, ...] = ()  # all references to files in them
     # Models that it attaches itself, by the names in `<attach>`.
     models: Mapping[str, Document] = field(default_factory=lambda: dict[str, Document]())
     robots: tuple[str, ...] = ()  # root bodies of robots as named by the user

@@ -24,7 +24,7 @@ from palpate.mjcf.document import (
     MAX_DEPTH,
     Document,
     Element,
-    Named,
+    FileReference,
     Place,
     Texts,
     compiler_settings,
@@ -98,7 +98,7 @@ class _Reader:
     given: Mapping[Path, str] = field(default_factory=dict[Path, str])
     index: dict[Element, Place] = field(default_factory=dict[Element, Place])
     texts: dict[Path, str] = field(default_factory=dict[Path, str])
-    named: list[Named] = field(default_factory=list[Named])
+    named: list[FileReference] = field(default_factory=list[FileReference])
     # Attached models by name.
     attachable: dict[str, Document] = field(default_factory=dict[str, Document])
     # All attached models so far, with the number of models that each attaches. A file is read once,
@@ -176,7 +176,7 @@ class _Reader:
             text = self.given[path] if path in self.given else read_text(path)
             self.texts[path] = text
             included = self.parse_text(text, str(path), path)
-            self.named.append(Named(include, "file", name, name, path, self.path))
+            self.named.append(FileReference(include, "file", name, name, path, self.path))
             # Includes in the included file are relative to its own folder.
             self.origins |= dict.fromkeys(elements(included), path.parent)
             _replace(include, included, where)
@@ -194,7 +194,7 @@ class _Reader:
                 located = _locate_file(name, element, settings)
                 path = self._file(located, element, where, name)
                 files.append(path)
-                self.named.append(Named(element, attribute, name, located, path, self.path))
+                self.named.append(FileReference(element, attribute, name, located, path, self.path))
                 is_there = _exists(self.folder, located)
                 if element.tag in _READ_AT_ONCE or not is_there:
                     # MuJoCo would look in the working directory, or not find it at all.

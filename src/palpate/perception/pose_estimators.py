@@ -24,7 +24,7 @@ from pydantic import AfterValidator, BaseModel, ValidationError
 from palpate.common.errors import InputError, Unavailable, unknown_name
 from palpate.common.files import describe_error
 from palpate.common.pose import Pose
-from palpate.common.processes import Call, Late
+from palpate.common.processes import Call, CallTimeout
 from palpate.mjcf.shapes import Shapes, hull_points, mesh_corners
 from palpate.perception.lens import Lens
 from palpate.perception.solve import Estimated
@@ -85,7 +85,7 @@ def _run(source: str, document: bytes, seconds: float) -> bytes:
             answer = Call(lambda: output.read(MAX_ANSWER + 1), "pose estimator").result(seconds)
             if len(answer) <= MAX_ANSWER:
                 process.wait(max(0.0, until - time.monotonic()))
-        except (Late, subprocess.TimeoutExpired):
+        except (CallTimeout, subprocess.TimeoutExpired):
             raise Unavailable(f"{_WHO} does not answer within {seconds:g} s") from None
         finally:
             # Kill the process group, including all child processes.
@@ -128,7 +128,7 @@ def _post(url: SplitResult, document: bytes, seconds: float) -> bytes:
     # The timeout of a socket applies to each read; that of the call bounds the whole exchange.
     try:
         status, answer = Call(exchange, "pose estimator").result(seconds)
-    except (Late, TimeoutError):
+    except (CallTimeout, TimeoutError):
         raise Unavailable(f"{where} does not answer within {seconds:g} s") from None
     except (OSError, HTTPException, ValueError) as error:
         reason = getattr(error, "strerror", None) or type(error).__name__

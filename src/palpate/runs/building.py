@@ -30,7 +30,7 @@ from palpate.trace.recording import Activity, LeafRun, Recording
 from palpate.trace.samples import FORCES, Trace
 from palpate.twin.twin import build_twin as build
 from palpate.twin.twin import touch
-from palpate.twin.validate import REST, Felt, Replay, empty_motions, mean_recordings
+from palpate.twin.validate import REST, Means, Replay, empty_motions, mean_recordings
 
 if TYPE_CHECKING:
     from palpate.perception.film import Shot
@@ -59,25 +59,25 @@ class PlanPart(NamedTuple):
     q: Array | None = None
 
 
-class Given(NamedTuple):
+class Replayed(NamedTuple):
     """Execution in the scene as given: the means of its recordings, and a shot for the film."""
 
-    felt: Felt
+    felt: Means
     shot: Shot
 
 
-def execute_in_given_scene(plan: Plan, scene: Scene) -> Given:
+def execute_in_given_scene(plan: Plan, scene: Scene) -> Replayed:
     """Execute a plan in the scene for which it was made."""
     from palpate.perception.film import Footage, Shot
 
     trace, world = _execute_part(scene, PlanPart(plan, scene))
-    return Given(mean_recordings(trace), Shot.of(Footage(world.model, tuple(world.frames))))
+    return Replayed(mean_recordings(trace), Shot.of(Footage(world.model, tuple(world.frames))))
 
 
-def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Felt:
+def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Means:
     """Execute the parts in `world`, and return the means of all recordings."""
 
-    def means(part: PlanPart) -> Felt:
+    def means(part: PlanPart) -> Means:
         return mean_recordings(_execute_part(world, part)[0])
 
     return [mean for each in shared_out(means, parts) for mean in each]
@@ -113,7 +113,7 @@ def replay_of(
 
     # Execute the parts; if a recording is missing, a part depends on an earlier one: execute the
     # whole plan.
-    def replay(world: Scene) -> Felt:
+    def replay(world: Scene) -> Means:
         means = replay_parts(parts, world)
         if len(parts) > 1 and len(means) < len(trace.recordings):
             return replay_parts([PlanPart(plan, scene)], world)  # a part depends on one before it
@@ -239,7 +239,7 @@ def estimate_unasked_sizes(run: Run, scene: Scene) -> list[Estimate]:
     return [size for size in sizes if size is not None]
 
 
-def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Given] | None]:
+def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Replayed] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot.
 
     None if the twin will not be validated, or if a real robot needs the processor.
@@ -254,7 +254,10 @@ def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Gi
 
 
 def touch_twin(
-    run: Run, planned_in: Scene, callbacks: RunCallbacks = SILENT, given: Fork[Given] | None = None
+    run: Run,
+    planned_in: Scene,
+    callbacks: RunCallbacks = SILENT,
+    given: Fork[Replayed] | None = None,
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 

@@ -19,7 +19,7 @@ T = TypeVar("T")
 Progress = Callable[[str], None]  # Called with the name of the stage that begins
 # Called with a plan before a real robot moves; True allows the motion.
 Confirm = Callable[["Run"], bool]
-Shown = Callable[["Run"], None]  # Called with the grown run
+ShowRun = Callable[["Run"], None]  # Called with the grown run
 
 
 def ignore(_: object) -> None:
@@ -49,9 +49,9 @@ class RunCallbacks:
     # Called with the reason why a real robot stopped; True lets it continue.
     may_resume: Resume = nobody
     # Called with the run when its values are final, before twin, film and report.
-    measured: Shown = ignore
+    measured: ShowRun = ignore
     # Called with the run before its plan for a real robot is rehearsed, to be read meanwhile.
-    planned: Shown = ignore
+    planned: ShowRun = ignore
     # Called with the result of a look before the plan; True uses it.
     looked: Callable[[Seen], bool] = allow
 

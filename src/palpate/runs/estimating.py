@@ -20,7 +20,7 @@ from palpate.estimation.evidence import find_evidence_span, remove_spoiled, sele
 from palpate.estimation.quantities.estimators import estimate_all, failed_estimate
 from palpate.execution.cell import Cell
 from palpate.primitives.base import Recorder
-from palpate.runs.building import Given
+from palpate.runs.building import Replayed
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.held_out import (
     HeldOut,
@@ -71,7 +71,7 @@ def estimates(
             yield replace(run, estimates=tuple(every))
 
     # Make the estimates of objects that no copy works on, then collect those of the copies.
-    early: Mapping[str, Judged] = {}
+    early: Mapping[str, ObjectEstimates] = {}
     if ahead is not None:
         yield from make(later=ahead.begun)
         early = _select_still_valid(ahead.results(), scene, trace)
@@ -95,7 +95,7 @@ def _estimates_without_value(run: Run) -> Iterator[Estimate]:
 
 
 @dataclass(frozen=True, slots=True)
-class Judged:
+class ObjectEstimates:
     """Estimates of one object, with its held-out motion."""
 
     key: bytes  # digest of all data that this was made from
@@ -104,7 +104,7 @@ class Judged:
     motion: HeldOutMotion | str | None
 
 
-def judge_object(run: Run, name: str) -> Judged | None:
+def judge_object(run: Run, name: str) -> ObjectEstimates | None:
     """Estimate and judge an object by the run's trace.
 
     None on failure, so that the error occurs and is reported at the end.
@@ -119,14 +119,14 @@ def judge_object(run: Run, name: str) -> Judged | None:
         estimates = tuple(_estimate_parameter(run, scene, p) for p in wanted)
         lifted = any(still_recordings(evidence, name))
         motion = judge(scene, evidence, estimates, name, None) if lifted else None
-        return Judged(_key(scene, evidence, name), estimates, motion)
+        return ObjectEstimates(_key(scene, evidence, name), estimates, motion)
     except Exception:
         return None
 
 
 def _select_still_valid(
-    early: Mapping[str, Judged], scene: Scene, trace: Trace | None
-) -> dict[str, Judged]:
+    early: Mapping[str, ObjectEstimates], scene: Scene, trace: Trace | None
+) -> dict[str, ObjectEstimates]:
     """Select the estimates whose evidence is still the same at the end; none of a run that was interrupted."""
     # An execution with a failure changes which recordings count as evidence.
     if trace is None or remove_spoiled(trace) is not trace:
@@ -261,16 +261,16 @@ class Ahead:
     """Estimates made by copies of this process, on processors that are idle while a simulated arm moves.
 
     They are equal to those made at the end. The caller compares the evidence before it uses them
-    (`Judged.key`).
+    (`ObjectEstimates.key`).
     """
 
-    def __init__(self, run: Run, replay: Fork[Given] | None) -> None:
+    def __init__(self, run: Run, replay: Fork[Replayed] | None) -> None:
         """Start without estimates; `replay` is a fork that already runs."""
         self._run, self._replay = run, replay
         # Only objects are estimated ahead, each once.
         of_objects = (p.object for p in run.plan.parameters)
         self._due = [name for name in dict.fromkeys(of_objects) if name in run.scene.objects]
-        self._copies: dict[str, Fork[Judged | None]] = {}
+        self._copies: dict[str, Fork[ObjectEstimates | None]] = {}
         self._leaves = 0
 
     @property
@@ -301,7 +301,7 @@ class Ahead:
                     self._copies[name] = Fork(partial(judge_object, sofar, name))
                 return
 
-    def results(self) -> Mapping[str, Judged]:
+    def results(self) -> Mapping[str, ObjectEstimates]:
         """Wait for the estimates that were started, and return them by object."""
         results = {name: copy.result() for name, copy in self._copies.items()}
         return {name: result for name, result in results.items() if result is not None}
@@ -318,7 +318,7 @@ class Ahead:
 
 
 def estimate_ahead(
-    run: Run, cell: Cell, replay: Fork[Given] | None
+    run: Run, cell: Cell, replay: Fork[Replayed] | None
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 

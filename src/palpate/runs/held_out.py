@@ -18,7 +18,7 @@ from palpate.estimation.quantities.catalogue import catalogue
 from palpate.estimation.quantities.estimators import estimate_all
 from palpate.estimation.segments import weighing
 from palpate.runs.prediction import (
-    Predicted,
+    PredictedSignal,
     known_value,
     lever_of,
     mass_part,
@@ -271,7 +271,7 @@ def explain_missing_mass(mass: Estimate | None, cut: HoldOut) -> str:
 
 
 def judged_motion(
-    name: str, cut: HoldOut, predicted: Predicted, guess: Predicted, trace: Trace
+    name: str, cut: HoldOut, predicted: PredictedSignal, guess: PredictedSignal, trace: Trace
 ) -> HeldOutMotion:
     from scipy.special import fdtrc
 
@@ -298,7 +298,7 @@ def judged_motion(
 
 
 def tests_of(
-    name: str, predicted: Predicted, more: Array, covariance: Array, gravity: float
+    name: str, predicted: PredictedSignal, more: Array, covariance: Array, gravity: float
 ) -> Iterator[FitTest]:
     """Test the wrench `more` (3,), N and N m, that the prediction lacks, and the whole residual.
 
@@ -334,7 +334,7 @@ def tests_of(
     )
 
 
-def curve_of(predicted: Predicted, guess: Predicted, trace: Trace) -> Curve:
+def curve_of(predicted: PredictedSignal, guess: PredictedSignal, trace: Trace) -> Curve:
     # Sort the bins by time: segments may overlap.
     order = np.argsort(predicted.t)
     std = np.sqrt(np.diag(predicted.covariance)).reshape(predicted.measured.shape)

@@ -47,7 +47,7 @@ LOAD = (FORCE_Z, TORQUE_X, TORQUE_Y)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Believed:
+class BelievedValue:
     """A believed value.
 
     It is a mass, kg; a centre of mass, m; the load's horizontal lever from the TCP, m; or its
@@ -61,7 +61,7 @@ class Believed:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Predicted:
+class PredictedSignal:
     """A motion in n rows: k bins for each of m signals."""
 
     t: Array  # (k,) s
@@ -91,7 +91,7 @@ class Predicted:
         solved = np.linalg.solve(self.covariance, self.residual)
         return covariance @ self.design.T @ solved, covariance
 
-    def instead(self, wrench: Array) -> Predicted:
+    def instead(self, wrench: Array) -> PredictedSignal:
         """Predict the same motion for another `wrench` (3,) with the same covariance."""
         # Only the expected part changes.
         expected = self.design @ wrench
@@ -101,12 +101,12 @@ class Predicted:
 
 def known_value(
     estimate: Estimate | None, stated: tuple[float, ...] | None, signals: int
-) -> Believed | None:
+) -> BelievedValue | None:
     """Convert the estimate made without the motion, else the value that the scene states; None without either."""
     # A stated value counts as exact.
     if estimate is None and stated is not None:
         n = len(stated)
-        return Believed(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
+        return BelievedValue(np.array(stated), np.zeros((n, n)), np.zeros((n, signals)))
     if estimate is None or not estimate.identified:
         return None
     # Leave out causes that all grasps share: they act in the motion as well, and cancel. Keep
@@ -119,10 +119,10 @@ def known_value(
     effects = {part.cause: part.effect for part in estimate.shared}
     nothing = (0.0,) * len(own)
     columns = [effects.get(f"gain of joint {i + 1}", nothing) for i in range(signals)]
-    return Believed(estimate.values, np.diag(own**2), np.array(columns).T)
+    return BelievedValue(estimate.values, np.diag(own**2), np.array(columns).T)
 
 
-def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
+def mass_part(fitted: Sequence[Estimate], signals: int) -> BelievedValue | None:
     """Find the mass that is a part of the estimate of a centre of mass or an inertia. The mass
     itself need not be identified.
     """
@@ -130,13 +130,13 @@ def mass_part(fitted: Sequence[Estimate], signals: int) -> Believed | None:
         mass = estimate.parts.get("mass")
         if estimate.verdict != "contradicted" and mass is not None:
             covariance = np.array([[mass.std]]) ** 2
-            return Believed(np.array([mass.value]), covariance, np.zeros((1, signals)))
+            return BelievedValue(np.array([mass.value]), covariance, np.zeros((1, signals)))
     return None
 
 
 def lever_of(
     scene: Scene, trace: Trace, name: str, recording: Recording, fitted: Estimate | None
-) -> Believed:
+) -> BelievedValue:
     """Horizontal lever of the load, from the fitted or stated centre of mass.
 
     Without either, it is the centre that MuJoCo would infer, with the accuracy of a prior.
@@ -156,14 +156,14 @@ def lever_of(
     if centre is None:
         spread = COM_PRIOR * np.maximum(body.size, 1e-3)
         inferred = total_inertia(scene.spec().compile(), name).com
-        centre = Believed(inferred, np.diag(spread**2), np.zeros((3, signals)))
+        centre = BelievedValue(inferred, np.diag(spread**2), np.zeros((3, signals)))
     # Horizontal offset from TCP to centre of mass, and its covariance by linear propagation.
     offset = (pose_world_body.position - pose_world_tcp.position)[:2] + horizontal @ centre.value
     covariance = horizontal @ centre.covariance @ horizontal.T + place * np.eye(2)
-    return Believed(offset, covariance, horizontal @ centre.gains)
+    return BelievedValue(offset, covariance, horizontal @ centre.gains)
 
 
-def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
+def wrench_of(mass: BelievedValue, lever: BelievedValue, gravity: float) -> BelievedValue:
     """Wrench of the weight F at r = (x, y) from the TCP: the force F and the moment (y F, -x F)."""
     force = float(mass.value[0]) * gravity
     x, y = lever.value.tolist()
@@ -173,16 +173,16 @@ def wrench_of(mass: Believed, lever: Believed, gravity: float) -> Believed:
     std = float(np.sqrt(mass.covariance[0, 0])) * gravity
     own = std**2 * np.outer(by_force, by_force)
     gains = np.outer(by_force, gravity * mass.gains[0]) + by_offset @ lever.gains
-    return Believed(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
+    return BelievedValue(force * by_force, own + by_offset @ lever.covariance @ by_offset.T, gains)
 
 
 def predict_segments(
     weighing: Weighing,
     motion: Sequence[Segment],
-    wrench: Believed,
+    wrench: BelievedValue,
     gravity: float,
     hand: NominalHand,
-) -> Predicted | None:
+) -> PredictedSignal | None:
     """Predict the segments of `motion` from the empty ones of `weighing`; None without either of them."""
     empty = [segment for segment in weighing.segments if not segment.loaded]
     if not motion or not empty:
@@ -213,7 +213,7 @@ def predict_segments(
     measured = rows.observed[target] - gain @ rows.observed[given]
     design = rows.wrench[:, LOAD][target]
     expected = design @ wrench.value
-    return Predicted(
+    return PredictedSignal(
         bins(lambda s: s.t)[loaded & steady],
         measured.reshape(signals, -1),
         expected.reshape(signals, -1),
@@ -224,7 +224,9 @@ def predict_segments(
     )
 
 
-def bias_covariance(rows: WeighingRows, wrench: Believed, hand: NominalHand, signals: int) -> Array:
+def bias_covariance(
+    rows: WeighingRows, wrench: BelievedValue, hand: NominalHand, signals: int
+) -> Array:
     """Covariance of the arm's errors in n rows, (n, n): noise and drift, horizontal forces, gains, friction."""
     # Horizontal force of a tilted support, in proportion to the weight, plus the floor of the noise.
     design = rows.wrench[:, LOAD]

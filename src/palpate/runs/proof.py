@@ -34,7 +34,7 @@ COLUMNS = ("object", "task", "goal", "prior off by", "twin off by", "95 % of dra
 
 
 @dataclass(frozen=True, slots=True)
-class Proved:
+class ProvedTask:
     """A task with one object. Errors are signed distances from the goal, in `unit`."""
 
     object: str
@@ -105,7 +105,7 @@ class Proof:
         left_out: objects and tasks that cannot be done, a line each.
     """
 
-    rows: tuple[Proved, ...]
+    rows: tuple[ProvedTask, ...]
     judge: str
     left_out: tuple[str, ...]
     columns: ClassVar[tuple[str, ...]] = COLUMNS
@@ -147,7 +147,7 @@ def prove(
     true = {**values, **{named(parameter): value for parameter, value in truth.items()}}
     spread, rng = spread_of(stated, values), np.random.default_rng(seed)
     # Draw the worlds of each subject once, and do all its tasks in them.
-    rows: list[Proved] = []
+    rows: list[ProvedTask] = []
     left_out: list[str] = []
 
     def add(name: str, make: Callable[[Values], World], tasks: Tasks[World]) -> None:
@@ -177,7 +177,7 @@ class _Worlds(Generic[World]):
     judges: Sequence[World]
     drawn: Sequence[World]
 
-    def prove_task(self, name: str, kinds: Sequence[type[Task[World]]]) -> Proved | None:
+    def prove_task(self, name: str, kinds: Sequence[type[Task[World]]]) -> ProvedTask | None:
         """Plan and carry out the first of `kinds` that can be done in the twin, in the first possible direction."""
         for task in (kind(variant) for kind in kinds for variant in kind.ways):
             action = task.plan(self.twin)
@@ -185,10 +185,10 @@ class _Worlds(Generic[World]):
                 return self._carried_out(name, task, action)
         return None
 
-    def _carried_out(self, name: str, task: Task[World], action: float) -> Proved:
+    def _carried_out(self, name: str, task: Task[World], action: float) -> ProvedTask:
         # The twin's plan in the draws gives its promise.
         drawn = errors(task, action, self.drawn)
-        return Proved(
+        return ProvedTask(
             name,
             task.name,
             task.says,

@@ -127,14 +127,14 @@ class StudyCase:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Prepared:
+class PreparedStudy:
     """Checked plan of a question, and its simulated world as read from the file."""
 
     run: Run
     cell: Cell | None  # None for a world without a file, whose unknowns each seed draws
 
     @classmethod
-    def of(cls, settings: Settings) -> Prepared:
+    def of(cls, settings: Settings) -> PreparedStudy:
         """Plan by the settings, and read their world."""
         planned = pipeline.plan(settings, pipeline.load(settings))
         if not planned.ready or settings.world is None:
@@ -150,11 +150,11 @@ class Prepared:
 
 
 @lru_cache(1)
-def _prepare(question: Question) -> Prepared | None:
+def _prepare(question: Question) -> PreparedStudy | None:
     """Prepare plan and cell once for all seeds; None if a seed may change the plan (a picture) or the cell."""
     settings = question.settings
     varies = settings.scene is None or settings.images or settings.robot_config is not None
-    return None if varies or settings.planner not in OWN else Prepared.of(settings)
+    return None if varies or settings.planner not in OWN else PreparedStudy.of(settings)
 
 
 def accuracy(settings: Settings, seeds: Sequence[int], workers: int = 1) -> list[SeedRun]:
@@ -177,7 +177,7 @@ def crashed_run(seed: int, reason: str) -> SeedRun:
 
 
 def run_seed(
-    settings: Settings, seed: int, displaced: bool = False, shared: Prepared | None = None
+    settings: Settings, seed: int, displaced: bool = False, shared: PreparedStudy | None = None
 ) -> SeedRun:
     """Plan, execute and estimate once, without twin and report.
 
@@ -186,7 +186,7 @@ def run_seed(
     """
     wall, cpu = time.perf_counter(), time.process_time()
     settings = replace(settings, seed=seed)
-    planned, cell = (shared or Prepared.of(settings)).for_seed(settings)
+    planned, cell = (shared or PreparedStudy.of(settings)).for_seed(settings)
     # Measure, in a displaced world if requested.
     if displaced:
         cell = displaced_cell(settings, planned.scene, planned.seen is not None, cell)

@@ -17,7 +17,7 @@ from palpate.runs.report.page import plotly, policy, script, template
 from palpate.runs.report.plots import Figure
 from palpate.studies import plots
 from palpate.studies.accuracy import CRASHED, ScoredEstimate, SeedRun
-from palpate.studies.efficiency import Line, Ranged, TableCell
+from palpate.studies.efficiency import Line, RangedValue, TableCell
 from palpate.studies.summary import Group, Key, Runs, Scores, Summary, group_runs, read, summarise
 
 AXES = "xyz"
@@ -199,7 +199,7 @@ def score_cells(scores: Scores) -> Iterator[TableCell]:
     yield TableCell(f"{scores.worst:.1f}")
 
 
-def ranged_cell(name: str, figure: Ranged, percent: bool = False) -> TableCell:
+def ranged_cell(name: str, figure: RangedValue, percent: bool = False) -> TableCell:
     low, high = TARGETS[name]
     # Mark only if the whole interval is outside: otherwise it may be chance.
     mark = ""

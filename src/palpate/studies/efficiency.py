@@ -45,7 +45,7 @@ class Rate:
 
 
 @dataclass(frozen=True, slots=True)
-class Ranged:
+class RangedValue:
     """A figure with its 95 % interval."""
 
     value: float
@@ -53,13 +53,13 @@ class Ranged:
     high: float
 
     @classmethod
-    def share(cls, outcomes: Iterable[bool]) -> Ranged:
+    def share(cls, outcomes: Iterable[bool]) -> RangedValue:
         """Share of true outcomes, with the Wilson interval."""
         rate = Rate.of(outcomes)
         return cls(rate.hits / max(rate.trials, 1), *rate.interval)
 
     @classmethod
-    def rms(cls, numbers: Array) -> Ranged:
+    def rms(cls, numbers: Array) -> RangedValue:
         """Root mean square of (n,) independent normal numbers about zero.
 
         n RMS²/σ² is χ² with n degrees of freedom (Kay, Fundamentals of Statistical Signal
@@ -74,11 +74,11 @@ class Ranged:
         return cls(value, value * sqrt(low), value * sqrt(high))
 
     @property
-    def inverse(self) -> Ranged:
+    def inverse(self) -> RangedValue:
         """1 / value with its interval; zero for zero."""
         if self.value == 0.0:
-            return Ranged(0.0, 0.0, 0.0)
-        return Ranged(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
+            return RangedValue(0.0, 0.0, 0.0)
+        return RangedValue(1.0 / self.value, 1.0 / self.high, 1.0 / self.low)
 
 
 @dataclass(frozen=True, slots=True)

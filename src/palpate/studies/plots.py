@@ -16,7 +16,7 @@ from scipy.special import bdtrik, betaincinv, ndtri
 from palpate.common.pose import Array
 from palpate.runs.report.plots import FAINT, LEGEND, MARK, NORM, Figure
 from palpate.studies.accuracy import ScoredEstimate
-from palpate.studies.efficiency import Ranged
+from palpate.studies.efficiency import RangedValue
 from palpate.studies.summary import levels, shares
 
 COLOURS = ("#0d9488", "#3b82f6", "#d97706", "#8b5cf6", "#e5484d", "#30a46c", "#db2777", "#8293a7")
@@ -124,7 +124,7 @@ def coverage(groups: Mapping[str, Sequence[ScoredEstimate]]) -> Figure:
     return {"data": lines, "layout": layout}
 
 
-def ratios(rows: Sequence[tuple[str, Ranged]]) -> Figure:
+def ratios(rows: Sequence[tuple[str, RangedValue]]) -> Figure:
     """Ratio of stated standard deviation to actual error, a row for each parameter, with 95 % intervals.
 
     The target range is shaded. The axis is logarithmic.

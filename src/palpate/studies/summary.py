@@ -26,8 +26,8 @@ from palpate.studies.accuracy import (
     crashed_run,
     run_case,
 )
-from palpate.studies.efficiency import Ranged
-from palpate.studies.workers import Crew, Lines, Lost, Progress
+from palpate.studies.efficiency import RangedValue
+from palpate.studies.workers import Crew, Lines, Progress, WorkerLost
 
 FILE = "rows.jsonl"
 # Settings that name a file. The content of the file identifies a run, not its path.
@@ -94,7 +94,7 @@ def measure(
     say(str(progress))
     for place, answer in crew.each(run_case, [case for _, case in todo]):
         group, case = todo[place]
-        run = crashed_run(case.seed, str(answer)) if isinstance(answer, Lost) else answer
+        run = crashed_run(case.seed, str(answer)) if isinstance(answer, WorkerLost) else answer
         row = SeedRow(group, asked[group], run)
         if lines is not None:
             lines.add(asdict(row))
@@ -161,9 +161,11 @@ class Scores:
 
     runs: int  # n
     # coverage95, coverage50: share of the 95 % and 50 % intervals that contain the truth.
-    coverage95: Ranged
-    coverage50: Ranged
-    stated: Ranged  # 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates
+    coverage95: RangedValue
+    coverage50: RangedValue
+    stated: (
+        RangedValue  # 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates
+    )
     worst: float  # largest |z|
 
     @classmethod
@@ -172,9 +174,9 @@ class Scores:
         z = errors_in_std(estimates)
         return cls(
             len(estimates),
-            Ranged.share(each.is_covered for each in estimates),
-            Ranged.share(bool(level <= 0.5) for level in levels(estimates)),
-            Ranged.rms(z).inverse,
+            RangedValue.share(each.is_covered for each in estimates),
+            RangedValue.share(bool(level <= 0.5) for level in levels(estimates)),
+            RangedValue.rms(z).inverse,
             float(np.abs(z).max()),
         )
 

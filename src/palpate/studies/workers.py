@@ -100,7 +100,7 @@ Result = TypeVar("Result")
 AHEAD = 2  # Tasks that a worker receives in advance, so that it never waits for the next one
 
 
-class Lost(Exception):
+class WorkerLost(Exception):
     """The process that executed a task died."""
 
 
@@ -109,7 +109,7 @@ class Crew(Protocol):
 
     def each(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result | Lost]]:
+    ) -> Iterator[tuple[int, Result | WorkerLost]]:
         """Yield (index of the task, result of `work`) in order of completion.
 
         Work, tasks and results must be picklable, except for a single process. Exceptions of `work`
@@ -126,7 +126,7 @@ class Processes:
 
     def each(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result | Lost]]:
+    ) -> Iterator[tuple[int, Result | WorkerLost]]:
         """See `Crew.each`."""
         # A single process works in place.
         if self.count == 1:
@@ -143,7 +143,7 @@ class Processes:
                     try:
                         result = pool.submit(work, tasks[place]).result()
                     except BrokenProcessPool:
-                        result = Lost("the process that executed it ended")
+                        result = WorkerLost("the process that executed it ended")
                 yield place, result
 
     def _run_queue(
@@ -172,10 +172,10 @@ class Processes:
 
 def spread(work: Callable[[Task], Result], tasks: Sequence[Task], workers: int) -> list[Result]:
     """Map `work` over the tasks with `workers` processes; return results in the order of the tasks.
-    Raises Lost: the process that executed a task died."""
+    Raises WorkerLost: the process that executed a task died."""
     results: dict[int, Result] = {}
     for place, result in Processes(workers).each(work, tasks):
-        if isinstance(result, Lost):
+        if isinstance(result, WorkerLost):
             raise result
         results[place] = result
     return [results[place] for place in range(len(tasks))]
@@ -257,7 +257,7 @@ class RayCrew:
 
     def each(
         self, work: Callable[[Task], Result], tasks: Sequence[Task]
-    ) -> Iterator[tuple[int, Result | Lost]]:
+    ) -> Iterator[tuple[int, Result | WorkerLost]]:
         """See `Crew.each`."""
 
         # Wrap the callable: Ray accepts only functions.
@@ -281,7 +281,9 @@ class RayCrew:
         except self.ray.exceptions.RayTaskError as error:
             raise error.as_instanceof_cause() from None
         except self.ray.exceptions.RayError as error:
-            return Lost(f"the process or the node that executed it ended ({type(error).__name__})")
+            return WorkerLost(
+                f"the process or the node that executed it ended ({type(error).__name__})"
+            )
 
 
 def require_answer(address: str) -> None:

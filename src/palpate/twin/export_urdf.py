@@ -55,7 +55,7 @@ Inset = tuple[Pose, str, dict[str, str]]
 
 
 @dataclass(slots=True)
-class Written:
+class UrdfFiles:
     """Result of writing a model as URDF.
 
     Attributes:
@@ -69,13 +69,13 @@ class Written:
     placement: Placement = field(default_factory=dict[str, dict[str, Any]])
 
 
-def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
+def write_urdf(model: mujoco.MjModel, path: Path) -> UrdfFiles:
     """Write a model, with its meshes in a folder and its free bodies in files of their own.
 
     Readers ignore the origin of a floating joint, or fix it (findings/urdf_floating_origin.sh). All
     bodies, geoms and joints must have names.
     """
-    written = Written(frictions=pair_frictions(model))
+    written = UrdfFiles(frictions=pair_frictions(model))
     # Group the bodies by file: each free body with all below it, and the rest.
     free = [b for b in range(model.nbody) if is_free(model, b)]
     of_scene = [b for b in range(model.nbody) if int(model.body_rootid[b]) not in free]
@@ -102,7 +102,7 @@ def write_urdf(model: mujoco.MjModel, path: Path) -> Written:
 
 
 def write_bodies(
-    model: mujoco.MjModel, bodies: Sequence[int], path: Path, written: Written
+    model: mujoco.MjModel, bodies: Sequence[int], path: Path, written: UrdfFiles
 ) -> None:
     """Write one file of bodies, the first of them as the root: links, then the joints."""
     root = etree.Element("robot", {"name": path.stem}, nsmap={"drake": DRAKE})
@@ -148,7 +148,7 @@ def urdf_to_look_at(model: mujoco.MjModel) -> str:
     return etree.tostring(root, encoding="unicode")
 
 
-def add_link(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
+def add_link(root: Element, model: mujoco.MjModel, body: int, written: UrdfFiles) -> None:
     name = body_name(model, body)
     link = etree.SubElement(root, "link", {"name": name})
     to_link = link_offset(model, body).inverse()
@@ -262,7 +262,7 @@ def add_inertial(link: Element, com: Pose, mass: float, inertia: Array) -> None:
     etree.SubElement(inertial, "inertia", entries)
 
 
-def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written) -> None:
+def add_joints(root: Element, model: mujoco.MjModel, body: int, written: UrdfFiles) -> None:
     """Add the joints from a body's parent to it.
 
     A link's frame is its joint's. A body with several joints gets a link before each but the last.
@@ -295,7 +295,7 @@ def add_joints(root: Element, model: mujoco.MjModel, body: int, written: Written
 
 
 def joint_type(
-    model: mujoco.MjModel, joint: int, written: Written
+    model: mujoco.MjModel, joint: int, written: UrdfFiles
 ) -> tuple[str, dict[str, dict[str, str]]]:
     """Type, axis and limits of a joint. URDF's zero is MuJoCo's initial configuration."""
     # URDF has no ball joints.

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from palpate.common.errors import InputError
-from palpate.mjcf.document import Document, Named, Texts, read_text
+from palpate.mjcf.document import Document, FileReference, Texts, read_text
 from palpate.mjcf.edits import (
     TextChange,
     apply_changes,
@@ -259,7 +259,7 @@ class _Layout:
                 values[index.number, named.attribute] = name
         return with_values(text, values)
 
-    def needs_new_name(self, named: Named) -> bool:
+    def needs_new_name(self, named: FileReference) -> bool:
         """True if MuJoCo would not find a file, relative to the main text or to the file that names it."""
         # Resolve the name as MuJoCo does: first relative to the main text.
         wanted = self.places[named.path]
@@ -270,7 +270,7 @@ class _Layout:
             located = Path(os.path.normpath(self.places[file].parent / named.name))
         return located != wanted
 
-    def folder_of(self, named: Named) -> Path:
+    def folder_of(self, named: FileReference) -> Path:
         """Folder to which a name is relative."""
         return (self.path if named.model is None else self.places[named.model]).parent
 

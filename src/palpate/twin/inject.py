@@ -69,7 +69,7 @@ def unfilled_unknowns(text: str, folder: Path | None = None) -> list[Parameter]:
 
 
 @dataclass(frozen=True, slots=True)
-class Completed:
+class CompletedTexts:
     """Texts of a twin.
 
     Attributes:
@@ -86,7 +86,7 @@ class Completed:
 
 def complete(
     scene: Scene, estimates: Sequence[Estimate], asked: Collection[Parameter] = ()
-) -> Completed:
+) -> CompletedTexts:
     """Write the estimates into the scene's texts, as far as MuJoCo reads them back.
 
     A missing quantity that is a part of another estimate is written as well, unless it was `asked`
@@ -135,7 +135,7 @@ def complete(
     if is_moved and any(key.get("qpos") for key in resolved.document.root.iterfind("keyframe/key")):
         notes.append("the keyframes keep their stated poses")
     unwritten = tuple(parameter for parameter in reasons if parameter.object in scene.bodies)
-    return Completed(texts, tuple(notes), unwritten)
+    return CompletedTexts(texts, tuple(notes), unwritten)
 
 
 def part_names(quantity: str, size: int) -> list[str]:

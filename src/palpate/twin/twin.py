@@ -23,7 +23,14 @@ from palpate.trace.samples import Trace
 from palpate.twin.files import TWIN, one_text, pack, write_files
 from palpate.twin.inject import complete
 from palpate.twin.text import as_text
-from palpate.twin.validate import Replay, Replayed, Validation, compare_touch, press_notes, validate
+from palpate.twin.validate import (
+    Replay,
+    ReplayResult,
+    Validation,
+    compare_touch,
+    press_notes,
+    validate,
+)
 
 if TYPE_CHECKING:
     from mujoco import MjModel
@@ -184,7 +191,7 @@ def size_note(scene: Scene, size: Estimate) -> str:
 
 
 def touch(
-    twin: Twin, template: Scene, trace: Trace, replay: Replay, given: Replayed | None = None
+    twin: Twin, template: Scene, trace: Trace, replay: Replay, given: ReplayResult | None = None
 ) -> Twin:
     """Add the residuals of replays in the twin and in the `template`; `given` is the latter's if it was started."""
     if twin.validation is None or twin.scene is None:

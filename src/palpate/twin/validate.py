@@ -139,9 +139,9 @@ def sinking_notes(twin: Scene, surface: str, stiffness: float) -> Iterator[str]:
 
 # Means (3,) of a trace's recordings. Forces, N, are less those of the empty hand at the same pose;
 # positions of the TCP are in m.
-Felt = list[Array]
-Replay = Callable[[Scene], Felt]  # Execute the plan again in a scene
-Replayed = Callable[[], Felt]  # Wait for a replay
+Means = list[Array]
+Replay = Callable[[Scene], Means]  # Execute the plan again in a scene
+ReplayResult = Callable[[], Means]  # Wait for a replay
 SETTLE_TIME = 2.0  # s: free simulation before the twin's objects must be at rest
 FINEST_STEP = 1e-4  # s: least time step of that simulation
 REST_SPEED = 0.01  # m/s and rad/s: upper bound of the speed of an object at rest
@@ -190,7 +190,7 @@ def compare_touch(
     template: Scene,
     recorded: Trace,
     replay: Replay,
-    given: Replayed | None = None,
+    given: ReplayResult | None = None,
 ) -> Validation:
     """Add the residuals of twin and template; `given` is the template's replay, if it was started before."""
     return replace(
@@ -218,7 +218,7 @@ def settle(scene: Scene) -> tuple[bool, float]:
     return bool(np.isfinite(speed) and speed < REST_SPEED), drift
 
 
-def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
+def residual_of(recorded: Trace, replay: ReplayResult) -> ReplayResidual:
     try:
         replayed = replay()
     except PalpateError as error:
@@ -229,7 +229,7 @@ def residual_of(recorded: Trace, replay: Replayed) -> ReplayResidual:
     return compare(recorded, replayed)
 
 
-def compare(recorded: Trace, replayed: Felt) -> ReplayResidual:
+def compare(recorded: Trace, replayed: Means) -> ReplayResidual:
     """Residual between a trace and a replay of the same plan, recording by recording."""
     # Root mean squares, separately for forces and positions.
     buffers = np.array([recording.buffer for recording in recorded.recordings])
@@ -237,7 +237,7 @@ def compare(recorded: Trace, replayed: Felt) -> ReplayResidual:
     return ReplayResidual(rms(offsets[buffers == FORCES]), rms(offsets[buffers != FORCES]))
 
 
-def mean_recordings(trace: Trace) -> Felt:
+def mean_recordings(trace: Trace) -> Means:
     """Means of the recordings that are compared."""
     return [
         mean_force(trace, recording)

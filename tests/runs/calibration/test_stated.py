@@ -7,7 +7,7 @@ import math
 import pytest
 
 from palpate.common.errors import InputError
-from palpate.runs.calibration.gains import LENGTH, MASS, Known, parse_reference
+from palpate.runs.calibration.gains import LENGTH, MASS, NamedSize, parse_reference
 
 
 @pytest.mark.parametrize(
@@ -29,10 +29,10 @@ def test_a_mass_and_its_limits_are_parsed(text: str, value: float, limit: float)
 
 
 def test_a_height_and_its_owner_are_parsed() -> None:
-    known = Known.of("block=50mm±10um", LENGTH, "the gauge")
+    known = NamedSize.of("block=50mm±10um", LENGTH, "the gauge")
     assert known.name == "block"
     assert (known.size.value, known.size.limit) == pytest.approx((0.05, 1e-5))
-    assert Known.of("0.05", LENGTH, "the gauge").name is None
+    assert NamedSize.of("0.05", LENGTH, "the gauge").name is None
 
 
 @pytest.mark.parametrize(

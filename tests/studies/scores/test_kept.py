@@ -14,7 +14,7 @@ from palpate.common.errors import InputError
 from palpate.common.parameter import Parameter
 from palpate.studies.accuracy import MissingComponent, Question, ScoredEstimate, SeedRun, StudyCase
 from palpate.studies.summary import FILE, Group, measure, read
-from palpate.studies.workers import Lost, Processes
+from palpate.studies.workers import Processes, WorkerLost
 
 MASS = Parameter("cup", "mass")
 LAB = Question("one_missing_mass", (("noise", "lab"),))
@@ -39,11 +39,11 @@ class Pretenders:
 
     def each(
         self, work: Callable[[Any], Any], tasks: Sequence[Any]
-    ) -> Iterator[tuple[int, SeedRun | Lost]]:
+    ) -> Iterator[tuple[int, SeedRun | WorkerLost]]:
         for place, case in reversed(list(enumerate(tasks))):
             self.asked.append(case.seed)
             gone = case.seed == self.fatal
-            yield place, Lost("it is gone") if gone else made_up(case)
+            yield place, WorkerLost("it is gone") if gone else made_up(case)
 
 
 def test_runs_come_back_as_they_were(tmp_path: Path) -> None:
@@ -63,7 +63,7 @@ def test_runs_come_back_as_they_were(tmp_path: Path) -> None:
 
 def test_rows_are_there_the_moment_a_run_is_done(tmp_path: Path) -> None:
     class Interrupted(Pretenders):
-        def each(self, *given: Any) -> Iterator[tuple[int, SeedRun | Lost]]:
+        def each(self, *given: Any) -> Iterator[tuple[int, SeedRun | WorkerLost]]:
             for number, result in enumerate(super().each(*given)):
                 if number == 2:
                     raise KeyboardInterrupt
@@ -137,7 +137,7 @@ def test_an_interval_without_an_end_comes_back(tmp_path: Path) -> None:
     run = SeedRun(0, "failed", 12, 20.0, (), (boundless,))
 
     class Once(Pretenders):
-        def each(self, *_: Any) -> Iterator[tuple[int, SeedRun | Lost]]:
+        def each(self, *_: Any) -> Iterator[tuple[int, SeedRun | WorkerLost]]:
             yield 0, run
 
     measure([LAB], [0], Once(), tmp_path)

@@ -104,7 +104,7 @@ Judge = Callable[[str], tuple[Plan | None, Sequence[str]]]
 Object = Callable[[Plan], str | None]
 """Question about a plan that passed the check, or a critic's objection to it; None without any."""
 
-MayGoOn = Callable[[Conversation], str | None]
+MayContinue = Callable[[Conversation], str | None]
 """Reason against another round, such as an exhausted budget, or None."""
 
 
@@ -114,7 +114,7 @@ def converse(
     ask: Ask,
     judge: Judge,
     rounds: int = FEEDBACK_ROUNDS,
-    may_go_on: MayGoOn = lambda _: None,
+    may_go_on: MayContinue = lambda _: None,
     critic: Object = lambda _: None,
     question: Object = lambda _: None,
 ) -> Plan:

@@ -39,7 +39,7 @@ SUITE = {"surface": ("height",), "object": ("mass", "friction")}
 
 
 @dataclass(frozen=True, slots=True)
-class Assembled:
+class AssembledPlan:
     """Assembled tree with its results."""
 
     tree: Node | None  # the tree; None if nothing can be measured
@@ -196,7 +196,7 @@ def assemble(
     words: Vocabulary | None = None,
     efforts: Efforts | None = None,
     mirrored: bool = False,
-) -> Assembled:
+) -> AssembledPlan:
     """Assemble one tree for all measurable parameters, grouped by object.
 
     Args:
@@ -206,7 +206,7 @@ def assemble(
         mirrored: slides go to the opposite side first, as in `Backchainer`.
     """
     words, wanted = words or vocabulary(), list(parameters)
-    assembled = Assembled(None, (), ())
+    assembled = AssembledPlan(None, (), ())
     # The whole region of an estimated pose must pass the check. If a part fails, assemble again
     # without extras, then without balance points.
     for balances, extras in ((True, True), (True, False), (False, True)):
@@ -223,7 +223,7 @@ def assemble(
 
 def _assemble_tree(
     chainer: Backchainer, parameters: Iterable[Parameter], efforts: Efforts
-) -> Assembled:
+) -> AssembledPlan:
     chainer.go_home()
     # Group the parameters by body: one grasp serves all parameters of a body.
     measured: list[Parameter] = []
@@ -240,7 +240,7 @@ def _assemble_tree(
             failed.append(_explain_unmeasured(alike, reason))
     chainer.go_home()
     tree = chainer.tree() if measured else None
-    return Assembled(tree, tuple(measured), tuple(failed), tuple(chainer.omitted))
+    return AssembledPlan(tree, tuple(measured), tuple(failed), tuple(chainer.omitted))
 
 
 def _measure(
@@ -352,7 +352,7 @@ def stated_clause(parameter: Parameter, scene: Scene) -> str:
     return f"{spoken([parameter])} is stated by the scene ({value}{unit})"
 
 
-def unknown_heights(assembled: Assembled, scene: Scene) -> list[str]:
+def unknown_heights(assembled: AssembledPlan, scene: Scene) -> list[str]:
     """Notes on surfaces of unknown height that carry measured objects and are not measured."""
     sentences: list[str] = []
     for name, body in scene.surfaces.items():
@@ -378,7 +378,7 @@ def spoken(parameters: Sequence[Parameter]) -> str:
     return f"The {listed} of '{parameters[0].object}'"
 
 
-def explanation(plan: Assembled) -> list[str]:
+def explanation(plan: AssembledPlan) -> list[str]:
     """Explain a plan in sentences: parameters, one method per quantity, and the objects carried away."""
     if plan.tree is None:
         return []

@@ -13,7 +13,7 @@ import numpy as np
 
 from palpate.common.errors import InputError, Stopped, Unavailable
 from palpate.common.pose import Array, Pose
-from palpate.common.processes import Call, Late
+from palpate.common.processes import Call, CallTimeout
 from palpate.robots.franky import control_box
 from palpate.robots.franky.control_box import ANSWERS, Address, franky, mode_of, require_answer
 from palpate.robots.franky.drive import CYCLE, CycleRow
@@ -227,7 +227,7 @@ class FrankySession:
         """
         try:
             return Call(lambda: self.robot.state, "palpate state").result(CONNECTED)
-        except Late as late:
+        except CallTimeout as late:
             self.abandon()
             raise Unavailable(f"the robot at {self.address} sends no states: {late}") from None
         except Exception as error:
@@ -267,7 +267,7 @@ class FrankySession:
         ending = Call(self._end, "palpate end")
         try:
             ending.result(LET_GO)
-        except Late:
+        except CallTimeout:
             self.abandon()
         except Exception:
             pass
@@ -287,7 +287,7 @@ class FrankySession:
         where = f"the {part} at {self.address}"
         try:
             return call.result(max(deadline - time.perf_counter(), 0.01))
-        except Late:
+        except CallTimeout:
             _abandoned.append(call)
             raise Unavailable(
                 f"{where} takes the connection and says nothing within {CONNECTED:g} s: is FCI "

@@ -18,7 +18,7 @@ from palpate.common.errors import InputError
 from palpate.estimation.wrench_observation import gain_root
 from palpate.robots.owner import require_same
 from palpate.robots.robot_config import RobotConfig, Simulated, read_config, write_config
-from palpate.runs.calibration.gains import LENGTH, MASS, Known
+from palpate.runs.calibration.gains import LENGTH, MASS, NamedSize
 from palpate.runs.calibration.procedures import gauge, weigh, weigh_itself
 from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.callbacks import SILENT, RunCallbacks
@@ -80,7 +80,7 @@ def calibrate(
     """
     # Check everything before the arm moves.
     weight, height, tag = (
-        None if text is None else Known.of(text, units, what)
+        None if text is None else NamedSize.of(text, units, what)
         for text, units, what in (
             (wanted.weight, MASS, "the weight"),
             (wanted.gauge, LENGTH, "the gauge's height"),
@@ -207,7 +207,9 @@ def compare_figures(start: RobotDescription, end: RobotDescription) -> list[Cali
     return rows
 
 
-def compare_camera(before: CalibrationViews, after: HandEye, tag: Known) -> list[CalibratedFigure]:
+def compare_camera(
+    before: CalibrationViews, after: HandEye, tag: NamedSize
+) -> list[CalibratedFigure]:
     """Compare position, rotation and focal length of the camera with those believed before."""
     from palpate.perception.solve import pose_difference
 

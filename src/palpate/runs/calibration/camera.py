@@ -42,7 +42,7 @@ from palpate.primitives.state import HOME_CONFIG
 from palpate.robots.description import RobotDescription
 from palpate.robots.nominal import NominalArm
 from palpate.robots.robot_config import CameraConfig
-from palpate.runs.calibration.gains import Known
+from palpate.runs.calibration.gains import NamedSize
 from palpate.runs.calibration.procedures import calibration_plan, scene_of_settings
 from palpate.runs.calibration.session import CalibrationSession
 from palpate.runs.settings import WORLD_CAMERA
@@ -104,7 +104,7 @@ class Shots:
 
 
 def locate(
-    session: CalibrationSession, source: str, intrinsics: Path | None, tag: Known
+    session: CalibrationSession, source: str, intrinsics: Path | None, tag: NamedSize
 ) -> tuple[HandEye, CalibrationViews]:
     """Locate a camera by a tag, and put its pose into the session's robot.yaml.
 
@@ -173,7 +173,7 @@ def _tag_pose(scene: Scene, number: int) -> Pose:
     return scene.pose_world_base @ LYING if stated is None else stated.pose_world
 
 
-def _number(tag: Known) -> int:
+def _number(tag: NamedSize) -> int:
     name = tag.name or "0"
     if not name.isdecimal() or int(name) >= TAGS:
         raise InputError(

@@ -33,7 +33,7 @@ STATED = re.compile(rf"{NUMBER}(?:(?:±|\+-|\+/-){NUMBER})?")
 
 
 @dataclass(frozen=True, slots=True)
-class Stated:
+class StatedSize:
     """Value within limits, in SI units."""
 
     value: float  # nominal value
@@ -46,7 +46,7 @@ class Stated:
         return self.limit / math.sqrt(3.0)
 
 
-def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
+def parse_reference(text: str, units: Mapping[str, float], what: str) -> StatedSize:
     """Parse `text`. Without a unit a number is in SI units, without a tolerance it is exact. Raises
     InputError: not of that form; the message names `what` and gives an example."""
     example = "0.5kg±0.1g" if "kg" in units else "50mm±0.01mm"
@@ -69,18 +69,18 @@ def parse_reference(text: str, units: Mapping[str, float], what: str) -> Stated:
     # A size is positive, and its tolerance smaller than itself.
     if not (0.0 < size < math.inf and off < size):
         raise refusal
-    return Stated(size, off, text.strip())
+    return StatedSize(size, off, text.strip())
 
 
 @dataclass(frozen=True, slots=True)
-class Known:
+class NamedSize:
     """Reference in the scene, written `[NAME=]SIZE`."""
 
-    size: Stated  # its known mass or height
+    size: StatedSize  # its known mass or height
     name: str | None = None  # its name in the scene; None where there is only one candidate
 
     @classmethod
-    def of(cls, text: str, units: Mapping[str, float], what: str) -> Known:
+    def of(cls, text: str, units: Mapping[str, float], what: str) -> NamedSize:
         """Parse a reference; raises InputError as `parse_reference` does."""
         name, equals, size = text.rpartition("=")
         return cls(parse_reference(size, units, what), name.strip() if equals else None)
@@ -129,7 +129,7 @@ def require(tests: Sequence[FitTest], what: str) -> None:
         raise InputError(f"{what} contradicts: {' '.join(failed)} Nothing is written.")
 
 
-def gains_from_weighing(trace: Trace, parameter: Parameter, known: Stated) -> GainBelief:
+def gains_from_weighing(trace: Trace, parameter: Parameter, known: StatedSize) -> GainBelief:
     """Compute the posterior of the gains from the weighing of a known mass, kg.
 
     The readings of `trace` are corrected by the calibration so far; `parameter` is the mass of the weight.

@@ -14,7 +14,7 @@ from palpate.planning.plan import Node, Plan
 from palpate.planning.symbolic.planner import assemble
 from palpate.robots.robot_config import Lean, Repeated, SensorGains, Value
 from palpate.runs.calibration import gains
-from palpate.runs.calibration.gains import CONFIGURATIONS, GainBelief, Known, Stated
+from palpate.runs.calibration.gains import CONFIGURATIONS, GainBelief, NamedSize, StatedSize
 from palpate.runs.calibration.session import BLOCK, GAUGE_NAMES, PLACES, CalibrationSession, truth
 from palpate.runs.calibration.tips import fit_tips, require_places
 from palpate.scene.scene import Scene
@@ -40,7 +40,7 @@ def weigh_itself(session: CalibrationSession) -> None:
     correct_gains(session, gains.gains_from_own_weight(trace, session.arm), by)
 
 
-def weigh(session: CalibrationSession, known: Known) -> None:
+def weigh(session: CalibrationSession, known: NamedSize) -> None:
     """Calibrate the gains of the joints that carry a known weight.
 
     On the bench the weight is measured at several places, in the user's scene at its own place.
@@ -60,7 +60,7 @@ def weigh(session: CalibrationSession, known: Known) -> None:
 
 
 def weigh_once(
-    session: CalibrationSession, scene: Scene, world: Scene | None, name: str, known: Stated
+    session: CalibrationSession, scene: Scene, world: Scene | None, name: str, known: StatedSize
 ) -> None:
     """Weigh the object `name` of a known mass, and correct the gains."""
     # Plan the weighing as in any run.
@@ -79,7 +79,7 @@ def weigh_once(
     )
 
 
-def gauge(session: CalibrationSession, known: Known) -> None:
+def gauge(session: CalibrationSession, known: NamedSize) -> None:
     """Calibrate tip length, tip compliance and base tilt by touches of known heights."""
     own, size = scene_of_settings(session), known.size
     if own is None:
@@ -137,7 +137,7 @@ def scene_of_settings(session: CalibrationSession) -> Scene | None:
     return None if session.settings.scene is None else session.settings.read_scene(session.arm)
 
 
-def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
+def gauges_of(scene: Scene, known: NamedSize) -> tuple[str, ...]:
     """Find the gauges in a scene: the named one, or all surfaces of that height. Raises InputError: there is none."""
     # Take the named surface, or all surfaces that state that height.
     heights = {n: b.known["height"][0] for n, b in scene.surfaces.items() if "height" in b.known}
@@ -152,7 +152,7 @@ def gauges_of(scene: Scene, known: Known) -> tuple[str, ...]:
     return gauges
 
 
-def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind: str) -> str:
+def reference(stated: dict[str, float], known: NamedSize, what: str, unit: str, kind: str) -> str:
     """Find the reference among bodies that state a size: the named one, or the only one. Raises
     InputError: there is none, or the scene states another size for it."""
     # A named reference must exist; without a name it must be the only one.
@@ -172,7 +172,7 @@ def reference(stated: dict[str, float], known: Known, what: str, unit: str, kind
     return name
 
 
-def agrees(value: float, stated: Stated) -> bool:
+def agrees(value: float, stated: StatedSize) -> bool:
     """True if a scene's value is within the stated limits of the reference."""
     return abs(value - stated.value) <= stated.limit + SAME * stated.value
 

@@ -21,7 +21,7 @@ from palpate.robots.description import RobotDescription
 from palpate.robots.owner import apply_calibration
 from palpate.robots.robot_config import RobotConfig
 from palpate.runs import pipeline
-from palpate.runs.calibration.gains import Stated
+from palpate.runs.calibration.gains import StatedSize
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.report.live_terminal import Observers
 from palpate.runs.run import Run
@@ -65,7 +65,7 @@ CAMERA = """    <camera name="workspace" pos="1.5 -0.4 0.9" fovy="45"
       xyaxes="0.356 0.934 0 -0.349 0.133 0.928"/>"""
 
 
-def truth(stated: Stated, seed: int, name: str) -> float:
+def truth(stated: StatedSize, seed: int, name: str) -> float:
     """Draw a true size, uniform within the stated limits; deterministic for a seed and a name."""
     random = np.random.default_rng([seed, *name.encode()])
     return stated.value + stated.limit * random.uniform(-1.0, 1.0)

@@ -27,7 +27,7 @@ from palpate.common.pose import Array, Pose
 from palpate.estimation.descent import UNSEEN, probes
 from palpate.estimation.estimate import chi_squared
 from palpate.estimation.touch import APART, RIGID, SurfaceTouch, find_touch
-from palpate.runs.calibration.gains import Stated, require
+from palpate.runs.calibration.gains import StatedSize, require
 from palpate.trace.samples import Trace
 
 FEWEST = 3  # Least count of places: a plane has three coefficients
@@ -63,7 +63,7 @@ class Tips:
 
 
 def fit_tips(
-    trace: Trace, surfaces: Sequence[Parameter], known: Stated, base: Pose, reach: float
+    trace: Trace, surfaces: Sequence[Parameter], known: StatedSize, base: Pose, reach: float
 ) -> Tips:
     """Fit tip length and base tilt to the touches of a trace.
 
@@ -162,7 +162,7 @@ def shares(
     return frame, share
 
 
-def require_plane(offset: float, residuals: Array, prior: float, known: Stated) -> None:
+def require_plane(offset: float, residuals: Array, prior: float, known: StatedSize) -> None:
     """Require that the gauges have the known height and lie in one plane.
 
     `offset`, m, is the deviation from the known height, `residuals` (n,) are the whitened ones of the plane, and

@@ -16,7 +16,7 @@ from palpate.planning.plan import Node, Plan
 from palpate.primitives.registry import COMPOSITES, vocabulary
 from palpate.runs.figures import significant
 from palpate.runs.held_out import Curve, HeldOut, HeldOutMotion
-from palpate.runs.proof import Proof, Proved, typical
+from palpate.runs.proof import Proof, ProvedTask, typical
 from palpate.trace.recording import LeafRun
 from palpate.trace.samples import Trace
 
@@ -164,7 +164,7 @@ def lines(proof: Proof | None) -> list[TaskDrawing]:
     return [_line(row) for row in proof.rows if row.depends]
 
 
-def _line(row: Proved) -> TaskDrawing:
+def _line(row: ProvedTask) -> TaskDrawing:
     # Scale the line to the largest finite error.
     prior, twin = (typical(errors) for errors in (row.prior, row.twin))
     low, high = row.promise
