@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from palpate.cli.options import MODEL, AsJson, GivenFields, SceneFile, Yes, settings
+from palpate.cli.options import MODEL, AsJson, Fields, SceneFile, Yes, settings
 from palpate.runs.settings import References, settings_of
 
 OF_ARM = ("poses", "world", "arm", "robot", "robot_config", "noise", "seed", "cautious")
@@ -24,7 +24,7 @@ def calibrate(
         Path | None,
         typer.Option("--scene", help="MJCF that states the weight's mass, the gauges' height."),
     ] = None,
-    given: Annotated[GivenFields, settings(*OF_ARM)],
+    given: Annotated[Fields, settings(*OF_ARM)],
     as_json: AsJson = False,
     yes: Yes = False,
 ) -> None:
@@ -47,7 +47,7 @@ def dynamics(
         Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion.")
     ],
     *,
-    given: Annotated[GivenFields, settings("arm")],
+    given: Annotated[Fields, settings("arm")],
     hand: Annotated[
         str,
         typer.Option(
@@ -77,7 +77,7 @@ def noise(
         Path, typer.Argument(metavar="LOG", help="Recording of the arm in free motion: a minute.")
     ],
     *,
-    given: Annotated[GivenFields, settings("arm")],
+    given: Annotated[Fields, settings("arm")],
     columns: Annotated[
         Path | None, typer.Option("--columns", help="YAML that maps the log's columns.")
     ] = None,
@@ -98,7 +98,7 @@ def noise(
 def teach(
     scene: SceneFile,
     *,
-    given: Annotated[GivenFields, settings("robot", "poses", "root", "arm")],
+    given: Annotated[Fields, settings("robot", "poses", "root", "arm")],
     out: Annotated[Path, typer.Option("--out", help="poses.yaml to write.")] = Path("poses.yaml"),
 ) -> None:
     """Record poses in poses.yaml: guide the robot's hand to each object, or type ruler measurements."""
@@ -110,7 +110,7 @@ def teach(
 def doctor(
     *,
     given: Annotated[
-        GivenFields,
+        Fields,
         settings(
             "robot", "arm", "robot_config", f"{MODEL}.base_url", SECONDS, defaults={SECONDS: 60}
         ),

@@ -14,7 +14,7 @@ from palpate.cli.options import (
     PLANNER,
     SCENE,
     AsJson,
-    GivenFields,
+    Fields,
     LiveView,
     PlanFile,
     SceneArgument,
@@ -40,11 +40,11 @@ def demo(
         str, typer.Argument(metavar="[SCENARIO]", autocompletion=_scenario_names)
     ] = "bottle_and_table",
     *,
-    given: Annotated[GivenFields, settings(*OF_DEMO)],
+    given: Annotated[Fields, settings(*OF_DEMO)],
     planner: Annotated[str | None, typer.Option("--planner")] = None,
     live: LiveView = False,
     as_json: AsJson = False,
-    model: Annotated[GivenFields, settings(MODEL)],
+    model: Annotated[Fields, settings(MODEL)],
 ) -> None:
     """Run a bundled scenario from the sentence to the report."""
     from palpate.studies.scenarios.catalogue import scenario
@@ -57,11 +57,11 @@ def demo(
 def run(
     scene: SceneArgument = None,
     *,
-    given: Annotated[GivenFields, settings(*ASKED, *LOOK, *PLANNER, *MOTION)],
+    given: Annotated[Fields, settings(*ASKED, *LOOK, *PLANNER, *MOTION)],
     live: LiveView = False,
     as_json: AsJson = False,
     yes: Yes = False,
-    model: Annotated[GivenFields, settings(MODEL)],
+    model: Annotated[Fields, settings(MODEL)],
 ) -> None:
     """Measure what is missing and write the twin and the report."""
     carry_out(settings_of(**one_scene(scene, given), **model), as_json, live, yes)
@@ -70,7 +70,7 @@ def run(
 def execute(
     plan: PlanFile,
     *,
-    given: Annotated[GivenFields, settings("scene", *SCENE, *MOTION)],
+    given: Annotated[Fields, settings("scene", *SCENE, *MOTION)],
     live: LiveView = False,
     as_json: AsJson = False,
     yes: Yes = False,

@@ -15,7 +15,7 @@ from palpate.cli.options import (
     PLANNER,
     SCENE,
     AsJson,
-    GivenFields,
+    Fields,
     PlanFile,
     SceneArgument,
     SceneFile,
@@ -42,9 +42,9 @@ def init(
     ] = None,
     *,
     surface: Annotated[str, typer.Option("--surface", help="Surface below them.")] = "table",
-    given: Annotated[GivenFields, settings("images", "poses", "planner")],
+    given: Annotated[Fields, settings("images", "poses", "planner")],
     as_json: AsJson = False,
-    model: Annotated[GivenFields, settings(MODEL)],
+    model: Annotated[Fields, settings(MODEL)],
 ) -> None:
     """Write the files of a new scene, from names or from a picture that a model looks at."""
     from palpate.cli.show_scene import show_scaffold
@@ -58,7 +58,7 @@ def init(
 
 
 def gap(
-    scene: SceneFile, *, given: Annotated[GivenFields, settings(*SCENE)], as_json: AsJson = False
+    scene: SceneFile, *, given: Annotated[Fields, settings(*SCENE)], as_json: AsJson = False
 ) -> None:
     """Show known and missing parameters of a scene."""
     from palpate.cli.show_scene import show_gap
@@ -73,10 +73,10 @@ def gap(
 def plan(
     scene: SceneArgument = None,
     *,
-    given: Annotated[GivenFields, settings(*ASKED, "world", *PLANNER)],
+    given: Annotated[Fields, settings(*ASKED, "world", *PLANNER)],
     out: Annotated[Path | None, typer.Option("--out", help="File to write the plan to.")] = None,
     as_json: AsJson = False,
-    model: Annotated[GivenFields, settings(MODEL)],
+    model: Annotated[Fields, settings(MODEL)],
 ) -> None:
     """Plan without execution: parameters, tree, explanation."""
     from palpate.cli.show_plan import show_plan
@@ -92,9 +92,7 @@ def plan(
 def prompt(
     scene: SceneArgument = None,
     *,
-    given: Annotated[
-        GivenFields, settings(*ASKED, "remeasure", f"{MODEL}.prompt", f"{MODEL}.without")
-    ],
+    given: Annotated[Fields, settings(*ASKED, "remeasure", f"{MODEL}.prompt", f"{MODEL}.without")],
     as_json: AsJson = False,
 ) -> None:
     """Print the prompt for a model, to read it or to paste it into a chat."""
@@ -104,10 +102,7 @@ def prompt(
 
 
 def check(
-    plan: PlanFile,
-    *,
-    given: Annotated[GivenFields, settings("scene", *SCENE)],
-    as_json: AsJson = False,
+    plan: PlanFile, *, given: Annotated[Fields, settings("scene", *SCENE)], as_json: AsJson = False
 ) -> None:
     """Check a plan against the vocabulary and a scene."""
     from palpate.cli.show_plan import show_findings
@@ -144,7 +139,7 @@ def see(
             help="Picture, video, a camera's number, realsense, or world:NAME of the simulated world.",
         ),
     ],
-    given: Annotated[GivenFields, settings(*OF_LOOK)],
+    given: Annotated[Fields, settings(*OF_LOOK)],
     output: Annotated[
         Path | None, typer.Option("--output", "-o", metavar="FILE", help="poses.yaml to write.")
     ] = None,

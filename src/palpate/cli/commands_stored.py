@@ -7,7 +7,7 @@ from typing import Annotated, Any, Literal
 
 import typer
 
-from palpate.cli.options import AsJson, GivenFields, RunFolder, settings
+from palpate.cli.options import AsJson, Fields, RunFolder, settings
 from palpate.common.errors import InputError
 from palpate.common.processes import interrupts
 
@@ -72,7 +72,7 @@ def estimate(
             "file it is printed. May be repeated.",
         ),
     ] = None,
-    given: Annotated[GivenFields, settings("scene", "arm", "robot_config", "remeasure")],
+    given: Annotated[Fields, settings("scene", "arm", "robot_config", "remeasure")],
     as_json: AsJson = False,
 ) -> None:
     """Estimate again from a stored trace, or estimate the load in a recording of any arm.

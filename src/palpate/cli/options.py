@@ -14,7 +14,7 @@ from palpate.common.errors import InputError
 from palpate.common.extensions import DeclaredOption, iter_options
 from palpate.runs.settings import Settings
 
-GivenFields = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
+Fields = dict[str, Any]  # Fields of `Settings` given to a command, nested as in the settings
 
 _DECLARED = tuple(iter_options(Settings))
 SCENE = ("poses", "root", "robot_body", "arm")
@@ -66,9 +66,9 @@ class FromSettings:
                 annotation=Annotated[_kind(declared.kind), typer_option(declared)],
             )
 
-    def gather(self, values: dict[str, Any]) -> GivenFields:
+    def gather(self, values: dict[str, Any]) -> Fields:
         """Take these fields out of a command's arguments. Lists that were not given are left out."""
-        gathered: GivenFields = {}
+        gathered: Fields = {}
         for name in (declared.name for declared in self._chosen()):
             value = values.pop(_flat(name))
             if value is not None:
@@ -92,7 +92,7 @@ def settings(*names: str, defaults: Mapping[str, Any] | None = None) -> FromSett
     return FromSettings(names, defaults or {})
 
 
-def one_scene(argument: Path | None, given: GivenFields) -> GivenFields:
+def one_scene(argument: Path | None, given: Fields) -> Fields:
     """Add the scene that was given as an argument to the fields. Raises InputError: two scenes."""
     if argument is None:
         return given

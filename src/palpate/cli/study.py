@@ -12,7 +12,7 @@ import typer
 
 from palpate.cli.command import command
 from palpate.cli.console import Ticker, aside
-from palpate.cli.options import MODEL, AsJson, GivenFields, settings
+from palpate.cli.options import MODEL, AsJson, Fields, settings
 from palpate.runs.settings import settings_of
 
 if TYPE_CHECKING:
@@ -32,7 +32,7 @@ Trials = Annotated[int, typer.Option("--trials", min=1)]
 ROUNDS = f"{MODEL}.rounds"
 # Options of all trials in a study of planners. The paper has no rounds of feedback.
 OfTrials = Annotated[
-    GivenFields,
+    Fields,
     settings(
         *("images", "noise", f"{MODEL}.base_url", ROUNDS),
         *(f"{MODEL}.budget.dollars", f"{MODEL}.critic"),
@@ -114,7 +114,7 @@ class TrialOptions:
         published: Mapping[str, str],
         names: list[str] | None,
         trials: int,
-        given: GivenFields,
+        given: Fields,
         as_json: bool,
     ) -> None:
         """Carry out a study of planners, write its page, and print its table next to the published one."""
@@ -146,7 +146,7 @@ class TrialOptions:
 def accuracy(
     names: Names = None,
     *,
-    given: Annotated[GivenFields, settings("noise", "request", "within", "robot_config")],
+    given: Annotated[Fields, settings("noise", "request", "within", "robot_config")],
     over: SeedOptions,
     every: Annotated[
         bool, typer.Option("--all", help="Every scenario that the planner completes.")
@@ -180,7 +180,7 @@ def accuracy(
 def efficiency(
     names: Names = None,
     *,
-    given: Annotated[GivenFields, settings("noise", "seed")],
+    given: Annotated[Fields, settings("noise", "seed")],
     plot: Annotated[Path | None, typer.Option("--plot", help="HTML file for the plot.")] = None,
     as_json: AsJson = False,
 ) -> None:

@@ -182,9 +182,7 @@ class _Steps:
     cell: Cell | None = None  # of the execution; None if an earlier process executed the plan
     ahead: Ahead | None = None  # estimates that are computed during the execution
     darkroom: Darkroom | None = None  # film and pictures that are being rendered
-    given: Fork[Replayed] | None = (
-        None  # execution in the scene before the measurement, in progress
-    )
+    given: Fork[Replayed] | None = None  # running execution in the scene before the measurement
     reel: Reel | None = None  # film that is being rendered
 
     def carry_out_all(self, run: Run) -> Run:

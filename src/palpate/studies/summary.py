@@ -163,9 +163,8 @@ class Scores:
     # coverage95, coverage50: share of the 95 % and 50 % intervals that contain the truth.
     coverage95: RangedValue
     coverage50: RangedValue
-    stated: (
-        RangedValue  # 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates
-    )
+    # 1 / RMS(z), z = error / stated standard deviation; 1 for calibrated estimates.
+    stated: RangedValue
     worst: float  # largest |z|
 
     @classmethod
