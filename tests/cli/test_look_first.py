@@ -78,7 +78,7 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     said: str,
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen("cube"))
+    monkeypatch.setattr("palpate.runs.workplace.look_at_source", lambda *_: seen("cube"))
     monkeypatch.setattr(sys, "stdin", io.StringIO(said))
     look = ("run", scene(cube()), "--camera", "0", "--robot", "bench://arm", "--quiet")
     answer = palpate(*look)
@@ -88,7 +88,7 @@ def test_a_person_confirms_what_was_seen_before_anything_is_planned(
     with Image.open(picture.removeprefix("outlined in ")) as shown:
         assert shown.size == (10, 10)
     assert "move?" not in answer.err
-    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen(unseen=("cube",)))
+    monkeypatch.setattr("palpate.runs.workplace.look_at_source", lambda *_: seen(unseen=("cube",)))
     agreed = palpate(*look, "--yes")
     assert agreed.status == 2, agreed.err
     assert "did not see cube:" in agreed.err
@@ -121,7 +121,7 @@ def test_objects_that_were_seen_overrule_a_file_whose_places_stay(
 def test_a_look_in_python_is_kept_with_the_run(
     scene: Callable[..., Path], monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
-    monkeypatch.setattr("palpate.runs.workplace.seen_from", lambda *_: seen("cube"))
+    monkeypatch.setattr("palpate.runs.workplace.look_at_source", lambda *_: seen("cube"))
     known = scene(cube(mass='mass=".2"'))
     run = pp.run(known, measure="cube.friction", camera=0, out=tmp_path / "out")
     assert run.scene.body("cube").pose_world.position == pytest.approx([0.51, 0.02, 0.03])

@@ -97,8 +97,8 @@ def test_a_film_that_fails_ends_no_run_and_is_made_anew(
             raise ValueError("need at least one array to concatenate")
         return answer
 
-    for name, answer in {"can_copy": True, "gl_available": (True, ""), "Beside": Copy}.items():
-        monkeypatch.setattr(module, name, answer if name == "Beside" else lambda a=answer: a)
+    for name, answer in {"can_copy": True, "gl_available": (True, ""), "Fork": Copy}.items():
+        monkeypatch.setattr(module, name, answer if name == "Fork" else lambda a=answer: a)
     monkeypatch.setattr(module, "Painter", SimpleNamespace(used=False))
     monkeypatch.setattr(module, "captions", lambda *_: ask("a chunk", []))
     monkeypatch.setattr(Shot, "of", classmethod(lambda *_: ask("the end", shot)))

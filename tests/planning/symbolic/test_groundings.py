@@ -116,7 +116,7 @@ def words(monkeypatch: pytest.MonkeyPatch) -> Iterator[Callable[..., Vocabulary]
     """Makes a vocabulary of palpate's primitives and others; the catalogue has their quantity."""
     for remembered in (catalogue, bench):
         remembered.cache_clear()
-    monkeypatch.setattr(catalogue_module, "offered", lambda group: [Hollowness])
+    monkeypatch.setattr(catalogue_module, "iter_entry_points", lambda group: [Hollowness])
     yield lambda *classes: load_vocabulary([module(*classes)])
     for remembered in (catalogue, bench):
         remembered.cache_clear()

@@ -14,26 +14,26 @@ from palpate.common.processes import Fork, can_copy, shared_out
 
 ALONE = """
 import os, signal, sys, time
-from palpate.common.processes import Beside, shared_out
+from palpate.common.processes import Fork, shared_out
 def work():
     os.kill(os.getpid(), signal.SIGINT)
     return os.getpid(), list(range(100_000))
-with Beside(work) as beside:
-    who, numbers = beside.result()
+with Fork(work) as fork:
+    who, numbers = fork.result()
 assert who != os.getpid() and len(numbers) == 100_000
 def failing():
     raise ValueError(os.getpid())
-with Beside(failing) as beside:
+with Fork(failing) as fork:
     try:
-        beside.result()
+        fork.result()
     except ValueError as error:
         assert error.args == (os.getpid(),)
     else:
         raise SystemExit("it did not fail")
 start = time.perf_counter()
-with Beside(lambda: time.sleep(60)) as beside:
-    assert beside.running and beside.sent() is None
-assert not beside.running
+with Fork(lambda: time.sleep(60)) as fork:
+    assert fork.running and fork.sent() is None
+assert not fork.running
 assert time.perf_counter() - start < 30
 begun, left = os.pipe(), os.pipe()
 def tidy():
@@ -42,26 +42,26 @@ def tidy():
         time.sleep(60)
     finally:
         os.write(left[1], b"l")
-with Beside(tidy):
+with Fork(tidy):
     os.read(begun[0], 1)
 os.set_blocking(left[0], False)
 assert os.read(left[0], 1) == b"l"
-with Beside(lambda: 1) as beside:
-    while beside.running:
+with Fork(lambda: 1) as fork:
+    while fork.running:
         pass
-    assert beside.sent() == beside.result() == 1
-with Beside(failing) as beside:
-    while beside.running:
+    assert fork.sent() == fork.result() == 1
+with Fork(failing) as fork:
+    while fork.running:
         pass
-    assert beside.sent() is None, "it failed"
-with Beside(os.getpid, copied=False) as beside:
-    assert beside.result() == os.getpid()
+    assert fork.sent() is None, "it failed"
+with Fork(os.getpid, copied=False) as fork:
+    assert fork.result() == os.getpid()
 done = list(shared_out(lambda i: (i, os.getpid()), range(7)))
 assert [i for i, _ in done] == list(range(7)) and done[0][1] == os.getpid()
 assert len({who for _, who in done}) == min(7, len(os.sched_getaffinity(0)))
 assert list(shared_out(str, ())) == []
-with Beside(lambda: {who for _, who in shared_out(lambda i: (i, os.getpid()), range(7))}) as beside:
-    assert len(beside.result()) == 1, "a copy is not copied again"
+with Fork(lambda: {who for _, who in shared_out(lambda i: (i, os.getpid()), range(7))}) as fork:
+    assert len(fork.result()) == 1, "a copy is not copied again"
 try:
     list(shared_out(lambda i: 1 // (6 - i), range(7)))
 except ZeroDivisionError:
@@ -91,8 +91,8 @@ def test_work_is_done_here_if_no_fork_is_possible(
 
     monkeypatch.setattr("multiprocessing.context.ForkProcess.start", refused)
     monkeypatch.setattr("palpate.common.processes.can_copy", lambda: True)
-    with Fork(os.getpid) as beside:
-        assert beside.result() == os.getpid()
+    with Fork(os.getpid) as fork:
+        assert fork.result() == os.getpid()
 
 
 def test_a_process_with_threads_is_not_copied() -> None:
@@ -101,8 +101,8 @@ def test_a_process_with_threads_is_not_copied() -> None:
     thread.start()
     try:
         assert not can_copy()
-        with Fork(lambda: (os.getpid(), time.sleep(0))) as beside:
-            assert beside.result()[0] == os.getpid()
+        with Fork(lambda: (os.getpid(), time.sleep(0))) as fork:
+            assert fork.result()[0] == os.getpid()
         assert set(shared_out(lambda _: os.getpid(), range(7))) == {os.getpid()}
     finally:
         stop.set()
