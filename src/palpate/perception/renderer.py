@@ -24,7 +24,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from palpate.common.pose import Array
-from palpate.common.processes import Beside, can_copy
+from palpate.common.processes import Fork, can_copy
 
 Pixels = NDArray[np.uint8]  # (height, width, 3) RGB
 
@@ -129,7 +129,7 @@ def _trial(backend: str) -> Callable[[], str | None]:
     """Begin to make a context in another process. Return a function that waits for the reason of a failure."""
     # A copy of this process has imported MuJoCo already.
     if can_copy():
-        copied = Beside(partial(_make_context, backend))
+        copied = Fork(partial(_make_context, backend))
         return lambda: _answer(copied)
     # MuJoCo and PyOpenGL read the backend from the environment.
     environment = dict(os.environ)
@@ -147,7 +147,7 @@ def _trial(backend: str) -> Callable[[], str | None]:
     return lambda: _last_error(process)
 
 
-def _answer(copied: Beside[str]) -> str | None:
+def _answer(copied: Fork[str]) -> str | None:
     with copied:
         return copied.result(PATIENCE) or None
 
