@@ -21,7 +21,6 @@ import mujoco
 import numpy as np
 
 from bench.variety import crowd
-from palpate.common.pose import Array
 from palpate.estimation.quantities.estimators import estimate_all
 from palpate.execution.runner import TICK_PERIOD
 from palpate.execution.simulated_cell import simulated_cell
@@ -35,6 +34,7 @@ from palpate.studies.scenarios.catalogue import scenario
 
 ROOT = Path(__file__).parents[1]
 ROUNDS = 3
+ALTERNATIONS = 5  # of the measurements of two revisions
 COUNTS = (1, 5, 15, 40, 80)
 """Objects on the table, for the growth with their number."""
 KILOBYTES = 1024  # of one MB: `ru_maxrss` is in kB
@@ -95,14 +95,14 @@ def main(against: str | None = None, only: str = "") -> None:
     with tempfile.TemporaryDirectory() as folder:
         for count in COUNTS:
             crowd(Path(folder) / str(count), count)
-        sources = [ROOT / "src"]
+        roots = [ROOT]
         if against is not None:
             _git("worktree", "add", "--detach", f"{folder}/against", against)
-            sources.append(Path(folder) / "against" / "src")
+            roots.append(Path(folder) / "against")
         try:
             for name in (name for name in FIGURES if only in name):
-                rounds = [[_child(name, folder, src) for src in sources] for _ in sources]
-                _show(name, np.median(rounds, axis=0))
+                rounds = ALTERNATIONS if against is not None else 1
+                _show(name, [[_child(name, folder, root) for root in roots] for _ in range(rounds)])
             if against is None and only in "stages":
                 out = Path(folder)
                 small = scenario("bottle_and_table").settings(seed=0, out=out / "stages")
@@ -118,12 +118,13 @@ def _git(*arguments: str) -> None:
     subprocess.run(["git", "-C", str(ROOT), *arguments], check=True, capture_output=True)
 
 
-def _child(name: str, folder: str, source: Path) -> list[float]:
-    """Numbers of a figure, of the package in a folder, measured in a process of its own."""
-    environment = os.environ | {"PYTHONPATH": f"{source}{os.pathsep}{ROOT}"}
+def _child(name: str, folder: str, root: Path) -> list[float]:
+    """Numbers of a figure, measured by a revision's own instrument in a process of its own; empty if it has no
+    such figure."""
+    environment = os.environ | {"PYTHONPATH": f"{root / 'src'}{os.pathsep}{root}"}
     command = [sys.executable, "-m", "bench.speed", name, folder]
-    done = subprocess.run(command, env=environment, check=True, stdout=subprocess.PIPE, text=True)
-    return json.loads(done.stdout.splitlines()[-1])
+    done = subprocess.run(command, env=environment, cwd=root, stdout=subprocess.PIPE, text=True)
+    return json.loads(done.stdout.splitlines()[-1]) if done.returncode == 0 else []
 
 
 def _measured(name: str, folder: str) -> None:
@@ -132,15 +133,25 @@ def _measured(name: str, folder: str) -> None:
     print(json.dumps(found if isinstance(found, list) else [found]))
 
 
-def _show(name: str, values: Array) -> None:
-    """Print the numbers (r, n) of a figure for r revisions, and exponents of their growth."""
-    figure, several = FIGURES[name], values.shape[1] > 1
-    for i, row in enumerate(values.T):
-        digits, scale = {"ms": (0, 1e3), "MB": (0, 1.0)}.get(figure.unit, (2, 1.0))
-        shown = " · ".join(f"{scale * value:.{digits}f} {figure.unit}".strip() for value in row)
+def _show(name: str, rounds: list[list[list[float]]]) -> None:
+    """Print the medians of a figure, by round, revision and number, exponents of their growth, and the least, median
+    and largest ratio to the other revision."""
+    figure = FIGURES[name]
+    digits, scale = {"ms": (0, 1e3), "MB": (0, 1.0)}.get(figure.unit, (2, 1.0))
+    several = len(rounds[0][0]) > 1
+    medians = [np.median(each, axis=0) for each in zip(*rounds, strict=True)]
+    for i in range(len(rounds[0][0])):
+        known = [values[i] for values in medians if i < len(values)]
+        shown = " · ".join(f"{scale * value:.{digits}f} {figure.unit}".strip() for value in known)
+        if len(known) > 1:
+            ratios = sorted(own[i] / other[i] for own, other in rounds)
+            middle = statistics.median(ratios)
+            shown += f" · {ratios[0]:.2f} {middle:.2f} {ratios[-1]:.2f}"
         _line(f"{name}, {COUNTS[i]}" if several else name, shown, figure.budget)
     if several:
-        exponents = [np.polyfit(np.log(COUNTS), np.log(row), 1)[0] for row in values]
+        exponents = [
+            np.polyfit(np.log(COUNTS[: len(row)]), np.log(row), 1)[0] for row in medians if len(row)
+        ]
         _line("  exponent", " · ".join(f"{exponent:.2f}" for exponent in exponents), "")
 
 
