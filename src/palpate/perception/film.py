@@ -231,7 +231,7 @@ def mp4(frames: Iterable[Pixels], fps: float) -> bytes | None:
             quality=None,
             macro_block_size=2,
             ffmpeg_log_level="error",
-            output_params=["-crf", str(QUALITY), "-preset", "veryfast", "-movflags", "+faststart"],
+            output_params=f"-crf {QUALITY} -preset veryfast -threads 1 -movflags +faststart".split(),
         )
         writer.send(None)  # starts the generator
         try:

@@ -13,11 +13,13 @@ from dataclasses import dataclass
 from palpate.common.errors import InputError
 from palpate.common.parameter import PlanRejected
 from palpate.estimation.estimate import Estimate, interval95, round_to_std
+from palpate.estimation.evidence import once
 from palpate.estimation.fusion import Source, weighted_sum
 from palpate.estimation.quantities.within import parse_width
 from palpate.planning.request.grounding import parse
 from palpate.planning.request.words import amount as amount_of
 from palpate.runs.run import Run
+from palpate.scene.scene import Scene
 
 # First words of a question that is answered by yes or no.
 ASKING = ("is", "are", "does", "do", "ist", "sind", "wiegt", "est", "è", "pesa")
@@ -109,9 +111,14 @@ class _Comparison:
 
 
 def _comparison(run: Run) -> _Comparison | None:
+    return _comparison_of(run.scene, run.settings.request or "-")
+
+
+@once
+def _comparison_of(scene: Scene, request: str) -> _Comparison | None:
     """Return the comparison that a request asks for; None without one."""
     try:
-        _, sentences = parse(run.settings.request or "-", run.scene)
+        _, sentences = parse(request, scene)
     except PlanRejected:
         return None
     spots = [spot for sentence in sentences for spot in sentence.spots]
@@ -149,7 +156,7 @@ def _comparison(run: Run) -> _Comparison | None:
         for at, spot in reversed(list(enumerate(spots)))
         if spot.thing is not None
         and (len(spot.thing.names) == 1 or spot.thing.plural)
-        and spot.thing.names != tuple(run.scene.objects)
+        and spot.thing.names != tuple(scene.objects)
         for name in spot.thing.names
     }
     return _Comparison(

@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     import mujoco
 
 
-@dataclass(frozen=True, slots=True, eq=False, repr=False)
+@dataclass(frozen=True, slots=True, eq=False, repr=False, weakref_slot=True)
 class Scene:
     """An incomplete simulation description, and the poses given with it.
 
