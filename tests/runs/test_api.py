@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import palpate as pp
+from palpate.estimation.estimate import not_identified
 from palpate.planning.plan import Plan
 
 DESK = """<mujoco model="desk"><worldbody>
@@ -426,6 +427,16 @@ def test_a_plan_of_others_that_leaves_out_what_is_asked_for_is_not_complete(tmp_
     run = pp.run(CRATE, planner=replay, measure="mug.mass,crate.mass", noise="none", fast=True)
     assert run.status == "failed"
     assert run.shortfalls == ("crate.mass: The plan does not measure it.",)
+
+
+def test_the_reason_of_a_failed_run_says_why_a_value_is_not_identified(done: pp.Run) -> None:
+    doubtful = replace(done.estimates[0], verdict="prior-dominated")
+    believed = (
+        "mug.mass: prior-dominated (the recordings say no more than what was believed before)"
+    )
+    assert replace(done, estimates=(doubtful,)).reason == believed
+    missing = not_identified(MASS, "kg", "It slipped.")
+    assert replace(done, estimates=(missing,)).reason == "mug.mass: not identified (It slipped)"
 
 
 def test_a_value_that_has_no_place_in_the_twin_leaves_the_run_incomplete(done: pp.Run) -> None:

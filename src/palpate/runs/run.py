@@ -186,7 +186,10 @@ class Run(Estimates):
             elif not self.suffices(estimate):
                 is_wide = estimate.identified and not estimate.unseen
                 verdict = "the interval is wider than asked" if is_wide else estimate.whole
-                yield f"{parameter}: {estimate.contradiction or verdict}"
+                # Reason of a doubtful value, or of a missing one.
+                why = estimate.doubt if estimate.has_value else estimate.method
+                clause = f" ({why.rstrip('.')})" if why and not is_wide else ""
+                yield f"{parameter}: {estimate.contradiction or verdict + clause}"
 
     @property
     def unwritten(self) -> tuple[str, ...]:
