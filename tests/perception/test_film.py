@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from palpate.perception import film as films
-from palpate.perception.film import FPS, LONGEST, SPEED, Film, Footage, film_of, mp4
+from palpate.perception.film import FPS, LONGEST, SPEED, Film, Footage, film_of, film_speed, mp4
 from palpate.perception.renderer import Painter, Pixels, gl_available
 from palpate.trace.samples import Trace
 
@@ -56,6 +56,13 @@ def test_a_long_run_plays_faster_still() -> None:
     result = film_of(Footage(BALL, tuple(frames[:: len(frames) // 4])), None)
     assert result is not None
     assert result.speed >= 6
+
+
+def test_runs_of_similar_length_play_at_the_same_speed() -> None:
+    assert film_speed(239.2) == film_speed(244.5)
+    assert film_speed(30.0) == SPEED
+    for seconds in (1.0, 50.0, 50.1, 240.0, 3600.0):
+        assert seconds / film_speed(seconds) <= LONGEST
 
 
 def test_a_film_without_pictures_writes_no_file() -> None:

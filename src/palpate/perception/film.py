@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import tempfile
 from collections import deque
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
@@ -126,8 +127,11 @@ def film_of(footage: Footage, trace: Trace | None) -> Film | None:
 
 
 def film_speed(seconds: float) -> float:
-    """Playback speed of the film of a run of `seconds`, relative to robot time."""
-    return max(SPEED, float(np.ceil(seconds / LONGEST)))
+    """Playback speed of the film of a run of `seconds`, relative to robot time.
+
+    It doubles at few durations, so that a planned run and its execution rarely differ in it.
+    """
+    return SPEED * 2.0 ** max(0, math.ceil(math.log2(max(seconds, 1.0) / (SPEED * LONGEST))))
 
 
 def film_frames(footage: Footage, shot: Shot, frames: Iterable[Frame]) -> Film | None:
