@@ -230,3 +230,25 @@ def test_a_bar_hit_by_the_elbow_shows_in_the_joint_torques() -> None:
         means.append(felt.mean(10))
     assert "a link met something" in str(arm.state.reflex)
     assert means[1] < 0.8 * means[0]
+
+
+@pytest.mark.parametrize("sudden", [np.inf, 2.0], ids=["holding", "empty"])
+def test_an_empty_arm_goes_back_from_a_bar_that_acts_as_a_wedge(sudden: float) -> None:
+    """An arm that only brakes presses on it: 500 N in the mean of 10 ms, and 200 N after 50 ms."""
+    begin = [-0.36, -1.033, 0.233, -2.483, -0.165, 1.608, 0.633]
+    end = [-1.262, -1.371, -0.161, -1.813, -0.759, 1.528, 0.755]
+    arm = among('type="capsule" fromto="-0.156 0.334 0.582 -0.267 0.233 0.323" size="0.02"')
+    arm.move_joints(np.array(begin))
+    arm.advance(4.0)
+    felt = watched(arm)
+    links = Links(unexplained_torque(ARM), 0.1, change=sudden)
+    arm.set_reflex(replace(REFLEXES.free, links=links))
+    arm.move_joints(np.array(end))
+    arm.advance(4.0)
+    assert "unexpected contact" in str(arm.state.reflex)
+    assert np.abs(arm.state.dq).max() < 0.01
+    if np.isfinite(sudden):
+        assert felt.mean(10) < 180.0
+        assert felt.after(50) == 0.0
+    else:
+        assert felt.mean(10) > 250.0

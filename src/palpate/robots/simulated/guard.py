@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import NamedTuple
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -26,6 +26,10 @@ OBSERVER_TIME = 0.005
 # motion of 0.25 m/s ends after 2 mm. A heavy arm is in contact with a rigid post for about 10 ms.
 # The post should not have to absorb the momentum that the arm can brake in this time.
 BRAKING = 150.0
+# s: time constant with which the reversed speed of an empty arm decays after it has stopped itself. A bar in the way
+# of a link acts as a wedge with ten times the link's mass: an arm that only brakes presses on it for 100 ms. The arm
+# goes back by 5 mm at most, on the path that it came.
+BACKING = 0.02
 # N: change of the force that counts as noticed; s: time constant of the average that it is compared
 # with. A slow contact that adds 36 N/s (12 mm/s on springs of 3000 N/m) is noticed after 0.1 s, at
 # 3.5 N.
@@ -33,33 +37,37 @@ FELT, USUAL_TIME = 3.0, 0.3
 
 _KEEP = math.exp(-TIMESTEP / OBSERVER_TIME)
 _BLEND = 1.0 - _KEEP
+_FADE = math.exp(-TIMESTEP / BACKING)
 # Weights of the observer's filter after each cycle: of its previous state (cycles, 1), and of each input.
 _CYCLES: Array = np.arange(LONGEST_RUN * BLOCK, dtype=float)
 _TORQUE_KEPT: Array = _KEEP ** (_CYCLES[:, None] + 1.0)
 _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYCLES), 0))
 
 
-class Reaction(NamedTuple):
-    """Reaction of the arm to its own collision stop: it yields."""
+@dataclass(slots=True, eq=False)
+class Reaction:
+    """Reaction of the arm to its own collision stop: it yields, and goes back with an empty hand."""
 
     gains: SpringGains  # gains of the drives, which then take torques
     damping: Array  # (7, 7) N m s/rad
     load: Array  # (7,) N m that hold the load on the hand
     most: Array  # (7,) N m, torque limits of the joints
+    back: Array  # (7,) rad/s, speed of the joints on the way back; it decays with `BACKING`
 
     @classmethod
-    def of(cls, inertia: Array, load: Array, most: Array) -> Reaction:
+    def of(cls, inertia: Array, load: Array, most: Array, back: Array) -> Reaction:
         """Make dampers proportional to the inertia (7, 7).
 
         All joints then slow down at one rate, and no joint pushes another against the obstacle.
         """
-        return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most)
+        return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most, back)
 
     def torque(self, dq: Array) -> Array:
-        """Compute the torques (7,), N m, at joint rates `dq` (7,), rad/s. All are scaled down together
-        where a joint would exceed its limit.
+        """Compute the torques (7,), N m, of the next cycle at joint rates `dq` (7,), rad/s. All are scaled down
+        together where a joint would exceed its limit.
         """
-        braking = self.damping @ dq
+        braking = self.damping @ (dq - self.back)
+        self.back = _FADE * self.back
         share = max(1.0, float((np.abs(braking) / self.most).max()))
         return self.load - braking / share
 
@@ -74,6 +82,7 @@ class Guard:
     def __init__(self, joints: int = 7) -> None:
         self._torque: Array = np.zeros(joints)
         self._dq: Array = np.zeros(joints)
+        self._start: Array = np.zeros(joints)
         self._force: Array = np.zeros(3)
         self._usual: Array = np.zeros(3)
         self._usual_torque: Array = np.zeros(joints)
@@ -88,7 +97,7 @@ class Guard:
     def begin(
         self,
         thresholds: Reflex | None,
-        reaction: Callable[[], Reaction],
+        reaction: Callable[[Array], Reaction],
         jacobian: Array,
         mass_matrix: Array,
         dampers: Array,
@@ -100,7 +109,7 @@ class Guard:
 
         Args:
             thresholds: limits of the external wrench; None while the arm yields.
-            reaction: makes the reaction to an exceeded threshold.
+            reaction: makes the reaction to an exceeded threshold, with the joints' speed on the way back.
             jacobian: (6, 7), world axes about the TCP.
             mass_matrix: (7, 7) kg m^2 that the commanded torques move.
             dampers: (7, 7) N m s/rad, of the controller.
@@ -118,7 +127,8 @@ class Guard:
         self._to_force = force_of(jacobian)
         self._to_rest = np.eye(len(dq)) - self._to_force.T @ jacobian[:3]
         self._known = deviation
-        self._dq = dq
+        # Speed a run ago: at the end of this run, a hard contact has reversed some joints.
+        self._came, self._start, self._dq = self._start, dq, dq
         # Usual force and torques are low-pass filters of those at the end of each run.
         kept = math.exp(-self._look * TIMESTEP / USUAL_TIME)
         self._usual = self._force + kept * (self._usual - self._force)
@@ -128,7 +138,7 @@ class Guard:
         self._look, self._reaction = 0, reaction
         self.yielding, self.fired = thresholds is None, None
         if self.yielding:
-            self.reaction = reaction()
+            self.reaction = reaction(self.reaction.back)
 
     def observe(self, torque: Array, dq: Array, step: float) -> int | None:
         """Return the first of the next n cycles whose wrench exceeds the thresholds; None if there is none.
@@ -153,7 +163,11 @@ class Guard:
         for i in self._doubtful(torques, wrenches):
             self.fired = self._reason(torques[i])
             if self.fired is not None:
-                self._torque, self.yielding, self.reaction = torques[i], True, self._reaction()
+                # Only an empty hand in free air goes back: a load would be shaken.
+                links = self._thresholds.links
+                goes_back = links is not None and math.isfinite(links.change)
+                self.reaction = self._reaction(-float(goes_back) * self._came)
+                self._torque, self.yielding = torques[i], True
                 return i
         self._feel(torques, wrenches[:, :3], dq)
         return None

@@ -363,9 +363,9 @@ class MujocoRobot(Commanded):
         # Deviation of the sensed from the commanded torque that the model explains.
         known = readout.deviation - velocity_torque - self._correction.torque
 
-        def reaction() -> Reaction:
+        def reaction(back: Array) -> Reaction:
             load = min(max(readout.load, 0.0), thresholds.load)
-            return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max)
+            return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max, back)
 
         self._guard.begin(
             thresholds=None if self._yielding else thresholds,
