@@ -119,6 +119,36 @@ def test_a_stack_is_stable_in_the_middle_and_not_off_it() -> None:
     assert "tip over the edge of 'low'" in (stable(stack, "can", at(0.5, 0.25, 0.12)) or "")
 
 
+STAND = (
+    '<body name="stand" pos="0.5 0.2 0"><freejoint/><geom type="box" size=".03 .03 .04" pos="0 0 .04" mass="20"/>'
+    '<geom type="box" size=".1 .1 .01" pos="0 0 .09" mass="20"/></body>'
+)
+
+
+@pytest.mark.parametrize(
+    ("aside", "tips"), [(0.0, False), (0.024, False), (0.027, True), (0.06, True)]
+)
+def test_a_load_outside_the_foot_of_its_carrier_is_refused_at_any_stated_mass(aside, tips) -> None:
+    found = stable(state(STAND, KNOWN), "can", at(0.5 + aside, 0.2, 0.16))
+    assert (found is not None) == tips
+    assert not tips or "'stand' may tip under it" in str(found)
+
+
+def test_a_load_acts_on_the_foot_of_every_carrier_below() -> None:
+    slab = '<body name="slab" pos="0.5 0.2 0.11"><freejoint/><geom type="box" size=".09 .09 .01"/></body>'
+    stack = state(STAND, slab, KNOWN)
+    assert stable(stack, "can", at(0.5, 0.2, 0.18)) is None
+    assert "'stand' may tip" in str(stable(stack, "can", at(0.5, 0.25, 0.18)))
+
+
+def test_a_load_of_unknown_centre_of_mass_may_act_anywhere_on_its_carrier() -> None:
+    inertial = '<inertial pos="? ? ?" mass=".3" diaginertia=".001 .001 .001"/>'
+    unknown = KNOWN.replace("<freejoint/>", f"<freejoint/>{inertial}")
+    for text, tips in ((KNOWN, False), (unknown, True)):
+        found = stable(state(STAND, text), "can", at(0.52, 0.2, 0.16))
+        assert (found is not None) == tips
+
+
 def test_a_drag_ends_on_the_support_and_a_lift_is_none() -> None:
     start = state(KNOWN)
     hand = Pose.top_down((0.62, 0.15, 0.1), 0.0)

@@ -7,7 +7,7 @@ lower face is the support polygon. The object is stable if its centre of mass is
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -214,7 +214,7 @@ def stable(state: SymbolicState, name: str, pose_world_object: Pose) -> str | No
     outlines = [top.outline for top in there.carriers]
     inside = (max(depth(outline, corner) for outline in outlines) for corner in there.outline)
     if all(edge >= EDGE for edge in inside) or _is_balanced(state, name, pose_world_object, there):
-        return None
+        return _tips_carrier(state, name, pose_world_object, there)
     carriers = " and ".join(f"'{owner}'" for owner in there.owners)
     return f"it would tip over the edge of {carriers}"
 
@@ -251,6 +251,38 @@ def _is_balanced(state: SymbolicState, name: str, pose: Pose, there: Footing) ->
     # The middle may be off by a fraction of the largest horizontal extent.
     extent = np.abs(pose.rotation[:2]) @ body.size
     return depth(there.support, middle[:2]) >= TIPPING + float(OFF_CENTRE * extent.max())
+
+
+def _tips_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -> str | None:
+    """Reason why a carrier that is an object may tip under an object at a pose (world); None if it cannot."""
+    body, owners = state.scene.body(name), there.owners
+    for owner in owners:
+        # The load may act anywhere in the contact if other bodies carry a part, or the centre of mass is unknown.
+        tops = [top.outline for top in there.carriers if top.owner == owner]
+        loads = [point for top in tops for point in clip_polygon(there.face, top)]
+        if len(owners) == 1 and not {"com"}.isdisjoint((*body.known, *body.assumed)):
+            com = body.known.get("com", solids(state.scene).centre_of_mass(name))
+            loads = [pose.apply(com)[:2]]
+        if reason := _tips(state, owner, loads):
+            return reason
+    return None
+
+
+def _tips(state: SymbolicState, carrier: str, loads: Sequence[Array]) -> str | None:
+    """Reason why a carrier, or one below it, may tip under vertical loads at points (2,); None if it cannot.
+
+    A load over the foot of an object tips it at no mass. Elsewhere the object's weight must balance the load, and a
+    stated mass may be wrong.
+    """
+    if carrier not in state.scene.objects:
+        return None
+    foot = footing(state, carrier, state.pose_of(carrier))
+    if any(depth(foot.support, load) < TIPPING for load in loads):
+        return (
+            f"'{carrier}' may tip under it: the load must act {1e3 * TIPPING:.0f} mm inside the foot of '{carrier}', "
+            "where it tips at no mass"
+        )
+    return next((why for below in foot.owners if (why := _tips(state, below, loads))), None)
 
 
 def slides(before: SymbolicState, after: SymbolicState) -> bool:
