@@ -256,11 +256,12 @@ def test_robot_without_a_state_ends_running_leaves_and_holds():
 
 
 def test_an_object_is_put_on_another_only_where_it_stood_on_it() -> None:
-    state = SymbolicState(parse_scene(CELL.format(cup="", more=STACK)))
-    found = state.pose_of("can")
+    slid = SymbolicState(parse_scene(CELL.format(cup="", more=STACK)))
+    state, found = replace(slid, lifted=True), slid.pose_of("can")
     assert unproven(state, "can", found) is None
     assert unproven(state, "can", found.translate((-0.04, 0, 0))) == "'plate' might tip under it"
     assert unproven(state, "can", found.translate((0, 0.2, -0.02))) is None
+    assert unproven(slid, "can", found.translate((-0.04, 0, 0))) is None, "it slid there"
 
 
 def stopped(scene, world, steps, stop_when):
@@ -694,3 +695,32 @@ def test_forces_of_a_release_are_expected_and_those_of_the_retreat_are_not() -> 
     released = replace(state, holding=None, activity="contact")
     assert PutDown().expectation(released).contact
     assert not PutDown().expectation(released).grasped
+
+
+TRAY = """<mujoco><option cone="elliptic" impratio="10"/><worldbody>
+<body name="table" pos="0.5 0 0.05"><geom type="box" size="0.3 0.3 0.05" friction="0.25"/></body>
+<body name="sheet" pos="0.5 0 0.103"><freejoint/>
+<geom type="box" size="0.12 0.12 0.003" mass="{sheet}" friction="0.3"/></body>
+<body name="can" pos="0.5 0 0.166"><freejoint/>
+<geom type="cylinder" size="0.03 0.06" mass="0.3" friction="0.8"/></body></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize("true", [8.0, 0.1])
+def test_a_slide_ends_where_a_loose_sheet_moves_along(true):
+    """The sheet is stated with 8 kg. Its own friction on the table is 0.3, and that of the can 0.8."""
+    scene, world = parse_scene(TRAY.format(sheet=8.0)), parse_scene(TRAY.format(sheet=true))
+    poses = ("can_pose + z_offset", "can_pose", "can_pose + 5*y_offset")
+    up, down, aside = (leaf("MovePose", pose=pose) for pose in poses)
+    done, robot = stopped(
+        scene, world, [up, down, leaf("CloseGripper"), up, down, aside], lambda robot: False
+    )
+    way = robot.world.true_poses(["sheet"])["sheet"].distance_to(world.body("sheet").pose_world)
+    if true == 8.0:
+        assert done.status == "complete"
+        assert way < 0.001
+    else:
+        assert "meets a friction of 0.29, as between 'sheet' and its support" in str(
+            done.stopped_by
+        )
+        assert done.held == HeldObject("can", "put down")
+        assert 0.002 < way < 0.025

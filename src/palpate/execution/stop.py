@@ -261,9 +261,9 @@ def let_slip(blackboard: Blackboard) -> bool:
 def unproven(state: SymbolicState, name: str, place: Pose) -> str | None:
     """Reason why an object might not stay at a place; None if it would stay.
 
-    A new support that is itself an object may tip under it.
+    A new support that is itself an object may be elsewhere, unless the object slid there.
     """
-    if not is_as_found(state, name, place):
+    if state.lifted and not is_as_found(state, name, place):
         for owner in footing(state, name, place).owners:
             if owner in state.scene.objects:
                 return f"'{owner}' might tip under it"

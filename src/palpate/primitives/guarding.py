@@ -15,6 +15,8 @@ from palpate.primitives.base import Blackboard, LeafFailure, Wait
 from palpate.primitives.load import BREAKAWAY, ROUGHEST, UNFELT, FingerLoad
 from palpate.primitives.rules.grasp import most_sideways
 from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR, PathSpan, leaves, speed
+from palpate.primitives.rules.support import footing, support_friction
+from palpate.primitives.state import SymbolicState
 from palpate.robots.pace import SUSTAINED, mistaken_force
 from palpate.robots.robot import Robot
 from palpate.robots.sheet import Reflex, Reflexes
@@ -215,6 +217,9 @@ CONTACT_SPEED = 0.02  # m/s, speed in contact or where contact is possible
 # Fraction of the force that would turn an object between the pads which a slide may use. The margin
 # is needed since pads creep.
 FIRMLY = 0.8
+# Largest relative difference of two frictions that count as the same: a slide at `measured` is up to 15 % off.
+SAME_FRICTION = 0.2
+NORMAL_CHANGE = 2.0  # N, least change of the normal force on a drag that shows its friction
 LIGHTLY = 3.0  # N, least pressing force: with less, a slide could lift the dragged object
 # Parts of a slide: end as a share of the path, pressing force, N, and largest speed, m/s. The
 # torque sensors resolve this normal force. It rises and falls, so that the arm's friction, or a
@@ -391,33 +396,63 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
         down = pressed / blackboard.scene.arm.stiffness.translation
         here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
         robot.move_pose(here, min(pace, fastest))
-        wrench = yield from drag(blackboard, sideways)
+        wrench, slope = yield from drag(blackboard, sideways)
         if share > 0.0:
             blackboard.load = blackboard.load.after_drag(wrench)
+            require_still_carrier(blackboard.state, slope)
         yield from settle(blackboard, BRIEF)
     robot.move_pose(target, min(CONTACT_SPEED, fastest))
     yield from finish(blackboard)
     yield from settle(blackboard)
 
 
-def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, Array]:
-    """Wait until the commanded motion has ended, and return the wrench (6,) right before.
+def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, tuple[Array, float]]:
+    """Wait until the commanded motion has ended.
+
+    Returns:
+        Wrench (6,) right before, and the growth of the sideways force with the normal force; nan if the latter hardly
+        changed.
 
     Raises:
         LeafFailure: the median force of some ticks is more than `most` N sideways.
     """
-    filtered = WrenchFilter(blackboard.robot)
+    filtered, load, rows = WrenchFilter(blackboard.robot), blackboard.load, list[Array]()
     yield
     wrench = filtered.now()
     while blackboard.robot.state.moving:
         yield
         wrench = filtered.now()
+        rows.append(wrench)
         sideways = math.hypot(*wrench[:2])
         if sideways > most:
             raise LeafFailure(
                 f"unexpected contact: the slide takes {sideways:.1f} N sideways, more than {most:.0f} N"
             )
-    return wrench
+    # Coulomb friction: line through the forces of the second half, in which the object slides.
+    slid = np.array(rows[len(rows) // 2 :]).reshape(-1, 6) - (
+        0.0 if load.hanging is None else load.hanging
+    )
+    if load.hanging is None or not np.ptp(slid[:, 2]) > NORMAL_CHANGE:
+        return wrench, math.nan
+    return wrench, float(np.polyfit(-slid[:, 2], np.hypot(slid[:, 0], slid[:, 1]), 1)[0])
+
+
+def require_still_carrier(state: SymbolicState, slope: float) -> None:
+    """Require that a slide meets another friction, `slope`, than its carrier on the carrier's own support.
+
+    A loose carrier that moves along has that friction, whatever it weighs.
+
+    Raises:
+        LeafFailure: the carrier may move with the held object.
+    """
+    assert state.holding is not None
+    for owner in footing(state, state.holding, state.pose_of(state.holding)).owners:
+        own = support_friction(state, owner) if owner in state.scene.objects else math.nan
+        if abs(slope - own) < SAME_FRICTION * own:
+            raise LeafFailure(
+                f"the slide meets a friction of {slope:.2f}, as between '{owner}' and its support: '{owner}' may move "
+                "with it; slide on a fixed body, or state it without a joint if it cannot move"
+            )
 
 
 def _weight(blackboard: Blackboard) -> float:

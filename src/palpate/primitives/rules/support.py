@@ -108,10 +108,14 @@ def sideways_resistance(state: SymbolicState, name: str) -> float:
     stands = abs(float((pose.rotation @ parts.rotations[0])[2, 2])) > np.cos(UPRIGHT)
     if len(parts.geoms) == 1 and kind in ROLLING and not (stands and kind == CYLINDER):
         return 0.0
-    below = footing(state, name, pose).owners
+    return support_friction(state, name) * shapes.mass(name) * state.scene.gravity
+
+
+def support_friction(state: SymbolicState, name: str) -> float:
+    """Believed sliding friction between an object and its carriers; 0 without any."""
+    shapes, below = solids(state.scene), footing(state, name, state.pose_of(name)).owners
     under = [geom for geom, owner in shapes.owners.items() if owner in below]
-    friction = shapes.friction(parts.geoms, under)
-    return friction * shapes.mass(name) * state.scene.gravity
+    return shapes.friction(shapes.objects[name].geoms, under)
 
 
 def _footing(state: SymbolicState, name: str, pose: Pose) -> Footing:
