@@ -8,7 +8,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from palpate.common.errors import InputError
+from palpate.common.errors import ExecutionAborted, InputError
 from palpate.common.parameter import Parameter
 from palpate.common.pose import Array
 from palpate.execution.simulated_cell import SimulatedCell, simulated_cell
@@ -373,3 +373,33 @@ def test_a_friction_is_compared_with_that_of_the_pair(
       </worldbody><contact>{pair}</contact></mujoco>""")
     cell = SimulatedCell(world)
     assert cell.truth(Parameter("glass", "friction")) == pytest.approx((acting,))
+
+
+def test_a_world_whose_shape_overlaps_the_arm_is_refused(tmp_path: Path) -> None:
+    bar = '<geom name="bar" type="capsule" size=".02" fromto="{x} -.2 .5 {x} .2 .6"/></worldbody>'
+    for x, depth in ((0.3, "20 mm"), (0.6, "")):
+        scene, world = (parse_scene(text(table="-0.02", mass='mass="0.3"')), tmp_path / f"{x}.xml")
+        world.write_text(
+            text(table="-0.02", mass='mass="0.3"').replace("</worldbody>", bar.format(x=x))
+        )
+        cell = simulated_cell(scene, world)
+        if not depth:
+            cell.robot()
+            continue
+        with pytest.raises(InputError, match=f"{world.name}: .* overlaps the arm by {depth}"):
+            cell.robot()
+
+
+@pytest.mark.parametrize(("axis", "speed", "fails"), [(0, 150.0, True), (2, -150.0, False)])
+def test_an_object_that_diverges_ends_the_run_and_one_that_falls_does_not(
+    axis: int, speed: float, fails: bool
+) -> None:
+    robot = simulated_cell(parse_scene(text(table="-0.02", mass='mass="0.3"'))).robot()
+    data = robot.world._data
+    data.qpos[robot.world.model.joint(0).qposadr[0]] += 3.0
+    data.qvel[axis] = speed
+    if fails:
+        with pytest.raises(ExecutionAborted, match="'cup' is faster than 100 m/s"):
+            robot.advance(0.1)
+    else:
+        robot.advance(0.1)

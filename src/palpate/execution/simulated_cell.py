@@ -39,6 +39,9 @@ SIZE_TOLERANCE = 0.02  # Largest difference of an object's extents in scene and 
 BASE_TOLERANCE = 0.05
 # Least dot product of the base's quaternions in world and scene, cos(5°/2): a rotation of 5°.
 TURNED = float(np.cos(np.radians(2.5)))
+OVERLAPS = (
+    0.002  # m, least depth of a shape of the world in the arm: less is the accuracy of shapes
+)
 NEAR = 0.10  # Largest horizontal distance of an object in the world from its place in a picture, m
 # Description of a cell whose truth is drawn from priors.
 DRAWN = "simulated from the scene, its unknowns drawn from priors"
@@ -124,6 +127,12 @@ class SimulatedCell:
             gravity=known.gravity * np.array([0.0, 0.0, -1.0]),
             visit=self.visit,
         )
+        name, depth = self._robot.world.deepest_overlap()
+        if depth > OVERLAPS:
+            raise InputError(
+                f"{self.description}: '{name or 'a shape of the world'}' overlaps the arm by {1e3 * depth:.0f} mm "
+                "where the arm begins; move one of them, or the site 'robot_base'"
+            )
         return self._robot
 
     def footage(self) -> Footage | None:

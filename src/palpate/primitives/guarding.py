@@ -16,7 +16,6 @@ from palpate.primitives.load import BREAKAWAY, ROUGHEST, UNFELT, FingerLoad
 from palpate.primitives.rules.grasp import most_sideways
 from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR, PathSpan, leaves, speed
 from palpate.primitives.rules.support import footing, support_friction
-from palpate.primitives.state import SymbolicState
 from palpate.robots.pace import SUSTAINED, mistaken_force
 from palpate.robots.robot import Robot
 from palpate.robots.sheet import Reflex, Reflexes
@@ -219,6 +218,7 @@ CONTACT_SPEED = 0.02  # m/s, speed in contact or where contact is possible
 FIRMLY = 0.8
 # Largest relative difference of two frictions that count as the same: a slide at `measured` is up to 15 % off.
 SAME_FRICTION = 0.2
+STEADY = 0.016  # m of a drag after which its friction is judged: the pads and the arm yield by some millimetres first
 NORMAL_CHANGE = 2.0  # N, least change of the normal force on a drag that shows its friction
 LIGHTLY = 3.0  # N, least pressing force: with less, a slide could lift the dragged object
 # Parts of a slide: end as a share of the path, pressing force, N, and largest speed, m/s. The
@@ -396,30 +396,26 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
         down = pressed / blackboard.scene.arm.stiffness.translation
         here = Pose(start.position + share * way - [0.0, 0.0, down], target.quaternion)
         robot.move_pose(here, min(pace, fastest))
-        wrench, slope = yield from drag(blackboard, sideways)
+        wrench = yield from drag(blackboard, sideways)
         if share > 0.0:
             blackboard.load = blackboard.load.after_drag(wrench)
-            require_still_carrier(blackboard.state, slope)
         yield from settle(blackboard, BRIEF)
     robot.move_pose(target, min(CONTACT_SPEED, fastest))
     yield from finish(blackboard)
     yield from settle(blackboard)
 
 
-def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, tuple[Array, float]]:
-    """Wait until the commanded motion has ended.
-
-    Returns:
-        Wrench (6,) right before, and the growth of the sideways force with the normal force; nan if the latter hardly
-        changed.
+def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, Array]:
+    """Wait until the commanded motion has ended, and return the wrench (6,) right before.
 
     Raises:
-        LeafFailure: the median force of some ticks is more than `most` N sideways.
+        LeafFailure: the median force of some ticks is more than `most` N sideways, or the carrier may move along.
     """
-    filtered, load, rows = WrenchFilter(blackboard.robot), blackboard.load, list[Array]()
+    robot, filtered, rows = blackboard.robot, WrenchFilter(blackboard.robot), list[Array]()
+    start, looked = robot.state.pose_world_tcp, False
     yield
     wrench = filtered.now()
-    while blackboard.robot.state.moving:
+    while robot.state.moving:
         yield
         wrench = filtered.now()
         rows.append(wrench)
@@ -428,24 +424,31 @@ def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, t
             raise LeafFailure(
                 f"unexpected contact: the slide takes {sideways:.1f} N sideways, more than {most:.0f} N"
             )
-    # Coulomb friction: line through the forces of the second half, in which the object slides.
-    slid = np.array(rows[len(rows) // 2 :]).reshape(-1, 6) - (
-        0.0 if load.hanging is None else load.hanging
-    )
-    if load.hanging is None or not np.ptp(slid[:, 2]) > NORMAL_CHANGE:
-        return wrench, math.nan
-    return wrench, float(np.polyfit(-slid[:, 2], np.hypot(slid[:, 0], slid[:, 1]), 1)[0])
+        # As soon as the object slides steadily, and at the end.
+        if not looked and robot.state.pose_world_tcp.distance_to(start) > STEADY:
+            looked = True
+            require_still_carrier(blackboard, np.array(rows[len(rows) // 2 :]))
+    if looked:
+        require_still_carrier(blackboard, np.array(rows[len(rows) // 2 :]))
+    return wrench
 
 
-def require_still_carrier(state: SymbolicState, slope: float) -> None:
-    """Require that a slide meets another friction, `slope`, than its carrier on the carrier's own support.
+def require_still_carrier(blackboard: Blackboard, wrenches: Array) -> None:
+    """Require that a slide has another friction than its carrier on the carrier's own support.
 
-    A loose carrier that moves along has that friction, whatever it weighs.
+    A loose carrier that moves along has that friction, whatever it weighs. `wrenches` (n, 6) are those of the slide.
 
     Raises:
         LeafFailure: the carrier may move with the held object.
     """
-    assert state.holding is not None
+    state, hanging = blackboard.state, blackboard.load.hanging
+    if hanging is None or state.holding is None:
+        return
+    # Coulomb friction: slope of the sideways force over the normal force.
+    forces = hanging[:3] - wrenches[:, :3]
+    if not np.ptp(forces[:, 2]) > NORMAL_CHANGE:
+        return
+    slope = float(np.polyfit(forces[:, 2], np.hypot(forces[:, 0], forces[:, 1]), 1)[0])
     for owner in footing(state, state.holding, state.pose_of(state.holding)).owners:
         own = support_friction(state, owner) if owner in state.scene.objects else math.nan
         if abs(slope - own) < SAME_FRICTION * own:

@@ -71,6 +71,9 @@ class Steps(NamedTuple):
     step: float  # s, a step of the physics
 
 
+RUNAWAY = 100.0  # m/s, sideways or upwards: nothing on a table is as fast
+
+
 class World:
     """Physics of one run. `model`, `data` and `frames` serve pictures; `true_*` serve the report."""
 
@@ -110,6 +113,10 @@ class World:
         )
         self._seen, self._before = mujoco.MjData(self.model), mujoco.MjData(self.model)
         self._dq = self._data.qvel[self._v]
+        # Free bodies, and the addresses (n, 3) of their velocities.
+        is_free = self.model.jnt_type == mujoco.mjtJoint.mjJNT_FREE
+        self._free_bodies: list[int] = self.model.jnt_bodyid[is_free].tolist()
+        self._free = self.model.jnt_dofadr[is_free][:, None] + np.arange(3)
         # Buffers for the longest run: the state and the sensors after each physics step.
         count = n + HAND_FORCE + WRENCH * (arm.wrench_sensor is not None)
         self._sensors = run_of(self.model.sensor(MOTOR.format(1)).adr[0], count)
@@ -164,6 +171,16 @@ class World:
             raise ExecutionAborted(
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
+            )
+        # An object that falls from the table may be fast downwards, and nothing else is so fast.
+        speeds = self._data.qvel[self._free]
+        speeds[:, 2] = speeds[:, 2].clip(min=0.0)
+        fastest: list[float] = np.linalg.norm(speeds, axis=1).tolist()
+        if max(fastest, default=0.0) > RUNAWAY:
+            body = self.model.body(self._free_bodies[fastest.index(max(fastest))]).name
+            raise ExecutionAborted(
+                f"the simulated world became unstable at {self.t:.2f} s of robot time: '{body}' is faster than "
+                f"{RUNAWAY:g} m/s; check masses, sizes, overlaps and contact parameters"
             )
         # The motors' torques and the hand's force are means over each block.
         means, sensed = self._means(0, count, BLOCK), self._joints + HAND_FORCE
@@ -347,6 +364,20 @@ class World:
         self._seen.qpos[:] = self._data.qpos if qpos is None else qpos
         mujoco.mj_forward(self.model, self._seen)
         return self._seen
+
+    def deepest_overlap(self) -> tuple[str, float]:
+        """Return the body that overlaps the arm most now, and the depth, m; "" and 0 without one."""
+        model, contacts = self.model, self.data().contact
+        bodies = [
+            [model.body(model.geom_bodyid[g]).name for g in pair] for pair in contacts.geom.tolist()
+        ]
+        found = [
+            (max(-float(distance), 0.0), min(pair, key=lambda name: name.startswith(PREFIX)))
+            for pair, distance in zip(bodies, contacts.dist, strict=True)
+            if sum(name.startswith(PREFIX) for name in pair) == 1
+        ]
+        depth, name = max(found, default=(0.0, ""))
+        return name, depth
 
     def true_poses(self, bodies: Iterable[str]) -> dict[str, Pose]:
         """Return the true poses now, in the world, of the `bodies` that exist; omit other names."""
