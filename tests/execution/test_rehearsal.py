@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
+import numpy as np
 import pytest
 from loopback import Loopback, Says
 
 from palpate.common.parameter import Parameter
 from palpate.execution import rehearsal
-from palpate.execution.rehearsal import Rehearsal, TimePrediction, rehearse
+from palpate.execution.rehearsal import Rehearsal, TimePrediction, rehearse, scale_grip
 from palpate.execution.runner import run
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Node, Plan, dump_plan
@@ -295,3 +296,22 @@ def test_a_model_corrects_what_the_rehearsal_of_its_plan_found(
     (found,) = made.conversation.rounds[0].findings
     assert "rehearsal: in simulation the plan fails: plank" in found
     assert found in answered.user
+
+
+def test_smoother_pads_are_smoother_on_a_soft_object_too() -> None:
+    """The friction of a pad on a shape of stated softness is that of an explicit pair."""
+    soft = parse_scene(
+        '<mujoco><worldbody><body name="sponge" pos=".5 0 .05"><freejoint/>'
+        '<geom type="box" size=".02 .02 .05" mass=".1" friction=".5" solref="0.05 1"/></body>'
+        '<body name="rough" pos=".5 .2 .05"><freejoint/>'
+        '<geom name="rough" type="box" size=".02 .02 .05" mass=".1" priority="9" friction="2"/></body>'
+        "</worldbody></mujoco>"
+    )
+    model = MujocoRobot(soft.spec(), soft.pose_world_base, soft.arm).world.model
+    pairs, own = model.pair_friction.copy(), model.geom_friction.copy()
+    assert len(pairs)
+    scale_grip(model, 0.5)
+    assert model.pair_friction == pytest.approx(0.5 * pairs)
+    assert model.geom("rough").friction == pytest.approx(0.5 * np.array([2.0, 0.005, 0.0001]))
+    pads = [g for g in range(model.ngeom) if "pad" in model.geom(g).name]
+    assert model.geom_friction[pads] == pytest.approx(0.5 * own[pads])

@@ -9,6 +9,7 @@ from collections.abc import Collection
 from contextlib import closing
 from dataclasses import dataclass, field, fields, replace
 from functools import cache
+from itertools import product
 from pathlib import Path
 from typing import Any, ClassVar
 
@@ -26,6 +27,7 @@ from palpate.execution.harm import FALLING, MOVED, first_harm
 from palpate.execution.runner import STOP_NODE, Execution, run
 from palpate.execution.simulated_cell import draw_truth
 from palpate.execution.witness import LOOK, Witness
+from palpate.mjcf.contacts import deciding_geom
 from palpate.planning.check.finding import Finding
 from palpate.planning.plan import Plan, plan_json
 from palpate.primitives.base import Blackboard
@@ -188,7 +190,7 @@ def _attempt(plan: Plan, scene: Scene, seed: int, grip: float = 1.0) -> Rehearsa
     # A simulated robot in the drawn or believed world, observed by a witness.
     truth = draw_truth(scene, seed) if seed else {}
     robot = MujocoRobot(scene.spec(truth), scene.pose_world_base, measured_arm(scene.arm))
-    _scale_grip(robot.world.model, grip)
+    scale_grip(robot.world.model, grip)
     witness, look = Witness.of(robot.world), WorldComparison(robot.world)
     named = named_objects(plan, scene)
 
@@ -245,16 +247,21 @@ def _settle(robot: MujocoRobot, seconds: float) -> None:
         robot.advance(SETTLING)
 
 
-def _scale_grip(model: mujoco.MjModel, factor: float) -> None:
+def scale_grip(model: mujoco.MjModel, factor: float) -> None:
     """Scale the friction of the contacts between pads and objects in a compiled world."""
     slides = model.jnt_type == mujoco.mjtJoint.mjJNT_SLIDE
     fingers = [b for b in model.jnt_bodyid[slides] if model.body(b).name.startswith(PREFIX)]
-    pads = np.isin(model.geom_bodyid, fingers)
-    # A geom of higher priority, or a rougher one of equal priority, decides instead of the pads.
-    priority, friction = model.geom_priority, model.geom_friction
-    most = priority[pads].max(initial=0)
-    rougher = (priority == most) & (friction[:, 0] > friction[pads, 0].max(initial=0.0))
-    friction[pads | (priority > most) | rougher] *= factor
+    pads = np.flatnonzero(np.isin(model.geom_bodyid, fingers)).tolist()
+    # A pad decides, or the geom that it touches, or an explicit pair.
+    touched = [
+        g
+        for g in range(model.ngeom)
+        if not model.body(model.geom_bodyid[g]).name.startswith(PREFIX)
+    ]
+    deciding = {deciding_geom(model, *pair) for pair in product(pads, touched)}
+    model.geom_friction[[*deciding.union(pads)]] *= factor
+    of_pad = np.isin(model.pair_geom1, pads) | np.isin(model.pair_geom2, pads)
+    model.pair_friction[of_pad] *= factor
 
 
 def _attempt_in_unrest(what: str | None) -> Rehearsal:

@@ -19,6 +19,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from copy import copy
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -63,6 +64,36 @@ def highest_priority(body: BodyDescription) -> int:
     """Return the highest `priority` of the static colliding geoms, at least 0."""
     standing = static_geoms(body)
     return max([0, *body.shapes.model.geom_priority[standing].tolist()])
+
+
+def deciding_geom(model: mujoco.MjModel, one: int, other: int) -> int:
+    """Return the geom whose friction acts in a contact of two: that of higher priority, else the rougher one."""
+    return max(
+        (one, other), key=lambda geom: (model.geom_priority[geom], model.geom_friction[geom, 0])
+    )
+
+
+def contact_friction(model: mujoco.MjModel, one: int, other: int) -> float:
+    """Compute the sliding friction of a contact of two geoms, as MuJoCo combines it; 0 for `condim="1"`.
+
+    A `<pair>` may state two coefficients: the smaller one.
+    """
+    deciding, priority, condims = (
+        deciding_geom(model, one, other),
+        model.geom_priority,
+        model.geom_condim,
+    )
+    friction, condim = float(model.geom_friction[deciding, 0]), int(condims[deciding])
+    if priority[one] == priority[other]:
+        condim = max(int(condims[one]), int(condims[other]))
+    ends = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
+    for i, pair in enumerate(ends):
+        if {*pair} == {one, other}:
+            friction, condim = min(model.pair_friction[i, :2].tolist()), int(model.pair_dim[i])
+    if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
+        options: Any = model.opt  # `o_friction` is missing in MuJoCo's stubs
+        friction = min(options.o_friction[:2].tolist())
+    return float(friction) if condim >= FRICTIONAL else 0.0
 
 
 def standing_contacts(body: BodyDescription) -> tuple[tuple[int, float], ...]:

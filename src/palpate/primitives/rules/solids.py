@@ -18,6 +18,7 @@ import numpy as np
 from palpate.common.outline import Convex
 from palpate.common.pose import Array, Frames, Pose
 from palpate.mjcf.compile import compile_model
+from palpate.mjcf.contacts import contact_friction
 from palpate.mjcf.inertial import total_inertia
 from palpate.mjcf.shapes import hull_edges, hull_points
 from palpate.robots.description import PREFIX, RobotDescription
@@ -174,16 +175,9 @@ class Solids:
         return float(self.model.body(name).subtreemass[0])
 
     def friction(self, one: Iterable[int], other: Iterable[int]) -> float:
-        """Least sliding friction among contacts of two groups of geoms, as MuJoCo combines it."""
-        priority, friction = self.model.geom_priority, self.model.geom_friction[:, 0]
-
-        def combine(a: int, b: int) -> float:
-            # The geom of higher priority decides; equal ones have the larger friction.
-            if priority[a] == priority[b]:
-                return float(max(friction[a], friction[b]))
-            return float(friction[a if priority[a] > priority[b] else b])
-
-        return min((combine(a, b) for a, b in product(one, other)), default=0.0)
+        """Least sliding friction among contacts of two groups of geoms; 0 without any."""
+        pairs = product(one, other)
+        return min((contact_friction(self.model, *pair) for pair in pairs), default=0.0)
 
     def get_or_compute(self, key: object, compute: Callable[[], T]) -> T:
         """Cached result of a key, computed if absent."""
