@@ -59,6 +59,7 @@ KINDS: dict[str, Kind] = {
         signals.send, count=100, given=lambda: {"undisturbed": signals.undisturbed_seconds()}
     ),
     "stops": Kind(stops.stop, count=100, given=warmed_up),
+    "astray": Kind(stops.stop, count=50, given=warmed_up),
     "poses": Kind(hidden.meet, count=100),
     "obstacles": Kind(hidden.meet, count=100),
     "cautious": Kind(hidden.meet, count=50),

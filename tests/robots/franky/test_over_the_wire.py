@@ -11,6 +11,9 @@ import pytest
 
 import palpate as pp
 from palpate.execution.cell_drivers import drivers
+from palpate.execution.runner import run
+from palpate.execution.stop import HeldObject
+from palpate.runs import pipeline
 from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
@@ -131,3 +134,34 @@ def test_a_door_is_moved_on_its_arc_and_left_where_it_was() -> None:
             assert low < bench.ask("truth", name=name)[0] < high
         assert bench.ask("pose", body="door") == pytest.approx(before, abs=5e-3)
         assert bench.ask("counts")["lost"] == 0
+
+
+def test_a_stop_while_the_bottle_hangs_in_the_air_puts_it_back() -> None:
+    """The controlled stop runs through the same driver: lowered, proven, released, and retreated."""
+    asked = scenario("bottle_and_table").settings()
+    scene = pipeline.load(asked)
+    assert scene is not None
+    plan = pipeline.plan(asked, scene).plan
+    lifted = float(scene.symbols.resolve("bottle_pose").position[2]) + 0.04
+    with served(**files("bottle_and_table"), seed=3, fastest=1.0) as bench:
+        before = bench.ask("pose", body="bottle")
+        robot = drivers().connect(f"franky://{bench.address}", scene).robot()
+
+        def hangs() -> bool:
+            return robot.state.gripping and robot.state.pose_world_tcp.position[2] > lifted
+
+        try:
+            done = run(plan, scene, robot, stop_requested=hangs)
+            state = robot.state
+        finally:
+            robot.close()
+        assert done.stopped_by == "stop requested"
+        assert done.trace.leaves[-1].message == "put bottle down"
+        assert (done.held, done.fault) == (HeldObject("bottle", "put down"), None)
+        assert not state.gripping
+        assert np.abs(state.dq).max() < 0.05
+        assert bench.ask("pose", body="bottle") == pytest.approx(before, abs=5e-3)
+        counts = bench.ask("counts")
+        assert counts["lost"] == 0
+        assert counts["fell"] < 0.3
+        assert counts["peak"] < 65.0
