@@ -14,6 +14,7 @@ from palpate.execution.cell_drivers import drivers
 from palpate.execution.runner import run
 from palpate.execution.stop import HeldObject
 from palpate.runs import pipeline
+from palpate.scene.scene import with_real_arm
 from palpate.studies.scenarios.catalogue import scenario
 from tests.fci.served import Served, files, served
 
@@ -139,9 +140,9 @@ def test_a_door_is_moved_on_its_arc_and_left_where_it_was() -> None:
 def test_a_stop_while_the_bottle_hangs_in_the_air_puts_it_back() -> None:
     """The controlled stop runs through the same driver: lowered, proven, released, and retreated."""
     asked = scenario("bottle_and_table").settings()
-    scene = pipeline.load(asked)
-    assert scene is not None
-    plan = pipeline.plan(asked, scene).plan
+    loaded = pipeline.load(asked)
+    assert loaded is not None
+    scene, plan = with_real_arm(loaded), pipeline.plan(asked, loaded).plan
     lifted = float(scene.symbols.resolve("bottle_pose").position[2]) + 0.04
     with served(**files("bottle_and_table"), seed=3, fastest=1.0) as bench:
         before = bench.ask("pose", body="bottle")
