@@ -366,17 +366,19 @@ class World:
         return self._seen
 
     def deepest_overlap(self) -> tuple[str, float]:
-        """Return the body that overlaps the arm most now, and the depth, m; "" and 0 without one."""
-        model, contacts = self.model, self.data().contact
-        bodies = [
-            [model.body(model.geom_bodyid[g]).name for g in pair] for pair in contacts.geom.tolist()
-        ]
-        found = [
-            (max(-float(distance), 0.0), min(pair, key=lambda name: name.startswith(PREFIX)))
-            for pair, distance in zip(bodies, contacts.dist, strict=True)
-            if sum(name.startswith(PREFIX) for name in pair) == 1
-        ]
-        depth, name = max(found, default=(0.0, ""))
+        """Return the body that overlaps the arm most now, and the depth, m; "" and 0 without one.
+
+        The first link turns in its place, and a table around the base may reach into it.
+        """
+        model, contacts, found = self.model, self.data().contact, [(0.0, "")]
+        still = {PREFIX + name for name in self._arm.links[:2]}
+        pairs = zip(contacts.geom.tolist(), contacts.dist.tolist(), strict=True)
+        for pair, distance in pairs:
+            names = {model.body(model.geom_bodyid[geom]).name for geom in pair}
+            arm = {name for name in names if name.startswith(PREFIX)}
+            if len(arm) == 1 and not arm & still:
+                found.append((-distance, (names - arm).pop()))
+        depth, name = max(found)
         return name, depth
 
     def true_poses(self, bodies: Iterable[str]) -> dict[str, Pose]:
