@@ -59,6 +59,9 @@ Sensitive: friction 0.1 σ, std ×0.9–1.2."""
 KIND_BIAS = 0.3
 """N (1 sigma). Deviation of one segment kind's bias from the common one, with its slope and curvature along the path
 (friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
+SENSOR_BIAS = 0.05
+"""N (1 sigma). Bias of a six-axis sensor on one line of motion: its drift, and cables of the hand. It has no joint
+friction."""
 GAIN_RATIO = 0.8
 """Error (1 sigma) of a quotient of two forces, in half widths of a gain. Different joints carry the two forces, so the
 error is sqrt(2) times a uniform one, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
@@ -81,7 +84,7 @@ HOLDS, PULLS, BIAS, BEND = (
     "bias",
     "bend of the bias along the way",
 )
-JOINTS, ONE_DRAG = "friction of joint", "friction of a drag"
+JOINTS, ONE_DRAG, CROSSED = "friction of joint", "friction of a drag", "cross-talk of the sensor"
 """Names of causes."""
 UNEVEN = (AXES, PLACES, SPEED)
 """Causes of a friction that varies. Their prior is a share of the coefficient, which is learned."""
@@ -154,7 +157,8 @@ def build_drag_arm(
     friction, unsure = hanging.friction, hanging.unsure
     if observed.chain is None:
         # Unknown joints: friction in N on each line of motion, instead of N m in each joint.
-        friction, unsure = np.zeros(rubbing.shape[1]), np.full(rubbing.shape[1], KIND_BIAS)
+        size = SENSOR_BIAS if observed.sensed else KIND_BIAS
+        friction, unsure = np.zeros(rubbing.shape[1]), np.full(rubbing.shape[1], size)
     # A joint's friction differs from that in free air, and by a further part in each drag.
     steady = [own[drag.steady].mean(axis=0) for drag, (own, _) in zip(drags, parts, strict=True)]
     each = np.hypot(DRAG_BIAS, ANOTHER_DRAG * (np.array(steady) @ friction))
@@ -164,6 +168,12 @@ def build_drag_arm(
         Cause(ONE_DRAG, own_drag, each),
         build_gain(gains),
     ]
+    sensor = hand.wrench_sensor
+    if observed.sensed and sensor is not None:
+        # A part of the normal force shows along the other axes of a six-axis sensor.
+        crossed = np.concatenate([drag.normal[:, None] * drag.way for drag in drags])
+        size = float(np.hypot(sensor.crosstalk, sensor.mounting))
+        causes.append(Cause.build(CROSSED, crossed, size, "arm"))
     return causes, friction
 
 
@@ -178,7 +188,11 @@ def _arm_columns(
             if not any(same_line(line, other.way) for line in lines):
                 lines.append(other.way)
         own = np.array([same_line(line, drag.way) for line in lines], dtype=float)
-        gain = GAIN_RATIO * hand.torque_gain * mu * drag.normal
+        # The gain of a six-axis sensor is that of both forces: its axes differ by about their cross-talk.
+        ratio = GAIN_RATIO * hand.torque_gain
+        if observed.sensed and hand.wrench_sensor is not None:
+            ratio = hand.wrench_sensor.crosstalk
+        gain = ratio * mu * drag.normal
         return np.ones((len(drag.t), 1)) * own, gain[:, None]
     # A drag is referred to the object hanging in air, so that joint friction counts by its change.
     there, hanging = (

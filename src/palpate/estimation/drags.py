@@ -109,7 +109,7 @@ class Hanging:
     friction: Array  # (7,) N m in each joint, from free motions
     unsure: Array  # (7,) N m, standard deviation of `friction`
     noise: SignalLevels  # noise of each signal, at rest or in slow motion through free air
-    # Residual of the arm model with an empty hand; None where none was recorded.
+    # Residual of the arm model with an empty hand; None where none was recorded, and for a six-axis sensor.
     left: ColouredResidual | None
 
 
@@ -349,7 +349,7 @@ def _drags(trace: Trace, name: str, observed: WrenchObservation) -> Iterator[Dra
         ways[hanging].mean(axis=0),
         *joint_friction(samples, ways, load.empty, floor + HANGING),
         noise,
-        learn_arm_residual(trace, name),
+        None if observed.sensed else learn_arm_residual(trace, name),
     )
     # Commanded horizontal velocity: it selects the drags.
     step = np.gradient(samples.target_world_tcp[:, :3], samples.t, axis=0)

@@ -15,7 +15,13 @@ from palpate.estimation.joint_causes import GAINS_OFF, INERTIA_SHARE, JOINT_VISC
 from palpate.estimation.joint_friction import FLOOR, JOINT_LEVEL, TURNED, dahl_states
 from palpate.estimation.motion import Mask, commanded_rows, mean_pose, runs, smoothed_with_rate
 from palpate.estimation.regression import Cause, Posterior, PriorScale, SignalNoise, fit
-from palpate.estimation.wrench_observation import GAIN, WrenchObservation, gain_root, observe_wrench
+from palpate.estimation.wrench_observation import (
+    GAIN,
+    WrenchObservation,
+    gain_root,
+    is_sensed,
+    observe_wrench,
+)
 from palpate.trace.recording import Recording
 from palpate.trace.samples import Trace
 
@@ -249,6 +255,8 @@ def fit_joint(trace: Trace, name: str, joint: Joint) -> JointFit | None:
     # Gain errors are proportional to the measured force, so they need a first fit.
     felt = sum_of(first, OF_JOINT)[:, None]
     gains = gain_root(trace.hand, int(passes.shown.shape[1]))
+    if trace.hand.wrench_sensor is not None and is_sensed(trace):
+        gains = trace.hand.wrench_sensor.gain * np.eye(len(gains))
     causes.append(build_gain((felt * passes.shown) @ gains))
     causes.append(_load_friction_cause(passes, first))
     scales = [PriorScale((GAIN,), *GAINS_OFF)]

@@ -22,6 +22,7 @@ from palpate.estimation.estimate import FitView
 from palpate.estimation.joint_friction import CURVE_ROWS
 from palpate.estimation.load_equations import FORCE_BIAS
 from palpate.estimation.motion import Mask
+from palpate.estimation.wrench_observation import force_gain
 from palpate.trace.recording import NominalHand
 
 FALLING_MASS = 1.0
@@ -271,7 +272,7 @@ def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
     stiffness = max(float(found[STIFFNESS]), WEAKEST)
     variances = curve.variances(found, first)
     relative = np.sqrt(variances[STIFFNESS]) / stiffness
-    gain = GAIN_RATIO * hand.torque_gain
+    gain = GAIN_RATIO * force_gain(hand)
     total = 1.0 / stiffness
     # Slope errors of the force, N/m: the trend of free air may change on the way down, and joint friction changes
     # with the posture, predicted or not.
@@ -302,7 +303,7 @@ def fit_spring(descent: Descent, onset: Onset, hand: NominalHand) -> Spring:
         reversing / sinking,
         FRICTION_SLOWS * abs(float(descent.set_out[2])) / sinking,
         ENCODER_WAVE * hand.pose_repeatability * stiffness / sinking,
-        np.hypot(DAMPED, GAIN_RATIO * hand.torque_gain) * damping,
+        np.hypot(DAMPED, GAIN_RATIO * force_gain(hand)) * damping,
     )
     # Error of the compliance at rest: the onset height and the friction at the stop, over the whole force.
     at_rest = np.array([onset.first_std, descent.friction * onset.secant]) / descent.full

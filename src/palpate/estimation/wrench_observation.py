@@ -149,6 +149,13 @@ def observation_of_torques(torques: Array, chain: Chain, turn: Array) -> WrenchO
     return WrenchObservation(torques, np.full(len(chain.axes), TORQUE_LEVER), chain, turn)
 
 
+def force_gain(hand: NominalHand) -> float:
+    """Half width of the relative error of a measured force: of a six-axis sensor, or of the joints' torques."""
+    if hand.wrench_sensor is None:
+        return hand.torque_gain
+    return float(np.sqrt(3.0)) * hand.wrench_sensor.gain
+
+
 def gain_root(hand: NominalHand, signals: int) -> Array:
     """Compute the effects (m, m) of m independent causes, one standard deviation each, on the
     relative gains of m torque sensors.

@@ -9,8 +9,9 @@ from palpate.common.parameter import Parameter
 from palpate.estimation.quantities.estimators import estimate_all
 from palpate.estimation.quantities.friction import PRIOR_SPREAD, estimate_friction
 from palpate.estimation.rigid_bodies import own_motion
-from palpate.estimation.wrench_observation import observe
+from palpate.estimation.wrench_observation import observe, observe_wrench
 from palpate.robots.owner import load_description
+from palpate.trace.recording import WrenchSensor
 
 STATIC, DYNAMIC = 0.41, 0.34
 PARAMETER = Parameter("bottle", "friction")
@@ -260,12 +261,18 @@ CORNER = (0.55, 0.15, 0.2)
 def triangle(bench, noise, seed=0, frictions=(DYNAMIC,) * 3, fast=1.0):
     """A plan's slides: along one axis and back aside, each slow, then twice as fast, where friction is
     `fast` times what it is."""
+    return estimate_friction(
+        slid_in_a_triangle(bench, noise, seed, frictions, fast), PARAMETER, None
+    )
+
+
+def slid_in_a_triangle(bench, noise, seed=0, frictions=(DYNAMIC,) * 3, fast=1.0):
     b = grasped(bench, noise, seed)
     for place, dynamic in zip((GOAL, CORNER, GRASP), frictions, strict=True):
         middle = (np.array(b.position) + place) / 2
         b.drag("middle", middle, STATIC, dynamic, PRESSED[:2])
         b.drag("place", place, STATIC, fast * dynamic, PRESSED[1:], speed=0.04)
-    return estimate_friction(released(b), PARAMETER, None)
+    return released(b)
 
 
 @pytest.mark.parametrize("world", ["lab", pytest.param("datasheet", marks=pytest.mark.long)])
@@ -345,3 +352,24 @@ def test_drags_that_chatter_are_left_out_and_nothing_else_is_not_enough(bench, n
     every = estimate_friction(chattering(trace, 4), PARAMETER, None)
     assert every.verdict == "contradicted"
     assert "chatters" in every.contradiction
+
+
+@pytest.mark.parametrize("seed", range(2))
+def test_a_six_axis_sensor_measures_friction_without_the_joints(bench, noises, seed):
+    """The external wrench is the sensor's: no friction of the joints, and its own gain and cross-talk."""
+    trace = slid_in_a_triangle(bench, noises["none"])
+    random, samples = np.random.default_rng(seed), trace.samples
+    wrench = samples.wrench + random.normal(size=samples.wrench.shape) * [*[0.15] * 3, *[0.01] * 3]
+    crossed = np.eye(6)
+    crossed[:2, 2] = 0.005 * random.normal(size=2)  # a part of the normal force along the others
+    sensor = WrenchSensor("test", (0.0, 0.0, -0.1, 1.0, 0.0, 0.0, 0.0), gain=0.005)
+    sensed = replace(
+        trace,
+        samples=replace(samples, wrench=wrench @ crossed.T, wrench_sensor=wrench),
+        hand=replace(trace.hand, wrench_sensor=sensor, torque_gain=0.03),
+    )
+    assert observe_wrench(sensed).sensed
+    found = estimate_friction(sensed, PARAMETER, None)
+    assert found.verdict == "identified"
+    assert found.stds[0] < 0.006
+    assert abs(found.values[0] - DYNAMIC) < 3.0 * found.stds[0]

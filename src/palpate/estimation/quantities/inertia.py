@@ -40,6 +40,7 @@ from palpate.estimation.rigid_bodies import (
     pseudo_inertia,
 )
 from palpate.estimation.swings import contrast, swings
+from palpate.estimation.wrench_observation import force_gain
 from palpate.mjcf.body import Body, BodyDescription
 from palpate.mjcf.contacts import find_constraint
 from palpate.mjcf.edits import Slot
@@ -219,8 +220,8 @@ def observed_swings(trace: Trace, still: ObjectHolds, body: Body) -> list[SwungO
         for swing, observed, spread, gears in contrast(swings(trace, recording, noise), empty):
             # Variance with the gain error, and the tool axis of the rotation.
             droop = still.droop(grasp_time(trace, recording, body), swing.time)
-            # `torque_gain` is the half width of a uniform distribution, so its std is divided by sqrt(3).
-            gain = trace.hand.torque_gain / np.sqrt(3.0) * observed
+            # The gain is the half width of a uniform distribution, so its std is divided by sqrt(3).
+            gain = force_gain(trace.hand) / np.sqrt(3.0) * observed
             variance = spread + gain**2 + SWING_FLOOR**2
             axis = int(np.abs(swing.pose.rotation.T @ swing.axis).argmax())
             found.append(
