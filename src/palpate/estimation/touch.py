@@ -163,6 +163,8 @@ LEANS_OVER = 3.3e-3
 """rad: lean of the hand at a contact that shows that one finger alone is in contact. An uncalibrated arm has an error
 of 1.2 mrad (1 sigma) against a level surface: 1 mrad in each joint that tilts the hand, and 0.5 mrad in the level of
 the base. 30 N on one finger cause a lean of 4.2 mrad at 280 N m/rad. Not sensitive."""
+TURNING_STIFFNESS = 280.0
+"""N m/rad of the controller, about a horizontal axis: least lean of the hand by a moment. Hardly sensitive."""
 REACH = 0.5
 """m: typical distance of a touch from the base. It converts an angle error into a height error. A
 larger stated error of the fingertips allows a larger lean accordingly. Not sensitive."""
@@ -197,6 +199,7 @@ class SurfaceTouch:
     own: float  # m/N, compliance of the tips themselves
     own_std: float  # m/N, its standard deviation
     out_of_level: float  # rad, uncertainty of the angle between the arm's base and a level surface
+    level_std: float  # rad (1 sigma), angle of the hand against a level surface
     spring: Spring  # the surface as a spring above a rigid support
 
     @property
@@ -304,7 +307,11 @@ class SurfaceTouch:
         nearer = self.opening / 4
         if 2.0 * self.lever_std >= nearer:
             return
+        # A hand that is out of level stands on one finger until the moment has turned it by that angle.
         beside = abs(self.lever)
+        turned = max(abs(self.lean), self.full * beside / TURNING_STIFFNESS)
+        if beside * self.level_std >= nearer * turned:
+            return
         finding = (
             f"One finger alone stands on something: the force acts {1e3 * beside:.0f} mm beside the "
             "middle of the hand, on a thing or a slope under that finger."
@@ -417,6 +424,7 @@ def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
         own=trace.hand.tip_compliance,
         own_std=trace.hand.tip_compliance_std,
         out_of_level=max(LEANS_OVER, trace.hand.tip_offset_std / REACH),
+        level_std=trace.hand.tip_offset_std / REACH,
         spring=fit_spring(descent, onset, trace.hand),
     )
 
