@@ -59,9 +59,9 @@ def spoilt_by(trace, torque: np.ndarray):
     whole = fit_whole(spoilt, "green_bottle", weight.weighings[0].noise, 1.8)
     assert before is not None
     assert whole is not None
-    assert abs(whole.force / spoilt.gravity - TRUTH) < 3.0 * whole.std / spoilt.gravity
-    assert whole.misfit < 1.2
-    return whole.std / before.std
+    assert abs(whole.force / spoilt.gravity - TRUTH) < 3.0 * whole.force_std / spoilt.gravity
+    assert float(np.mean(whole.posterior.residual**2)) < 1.2
+    return whole.force_std / before.force_std
 
 
 def test_unexplained_residuals_widen_the_fit(trace):

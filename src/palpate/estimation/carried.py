@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from palpate.common.parameter import Parameter
-from palpate.common.pose import Array, Pose, components
+from palpate.common.pose import Array, Pose, components, tensor_of
 from palpate.estimation.arm_dynamics import SURELY
 from palpate.estimation.arm_fit import (
     COMMON,
@@ -40,10 +40,8 @@ from palpate.estimation.estimate import (
     FitView,
     FurtherValue,
     chi_squared,
-    constant,
     map_shared,
     not_identified,
-    unit_slopes,
 )
 from palpate.estimation.evidence import once
 from palpate.estimation.joint_causes import (
@@ -60,7 +58,9 @@ from palpate.estimation.recording_check import CLAIM_MASS, Claim, explained
 from palpate.estimation.regression import Cause, Posterior, PriorScale
 from palpate.estimation.rigid_bodies import (
     BODY_PRIOR,
-    inertia_about_centre,
+    RADIUS,
+    SKEW,
+    about_centre,
     jacobian,
     linear,
     load_torques,
@@ -75,6 +75,7 @@ from palpate.estimation.sensed_load import (
     observable,
     sensed_tests,
 )
+from palpate.estimation.weighing import mass_view
 from palpate.estimation.wrench_observation import (
     CROSSTALK,
     CROSSTALK_SHARE,
@@ -281,8 +282,11 @@ CARRIED_APART = 0.03
 shows that the load was taken or left in between. Not sensitive."""
 CARRIED_LEAST = 0.005
 """kg (1 sigma): tolerated difference, as the lower bound of `CARRIED_APART`. Not sensitive."""
-THINNEST = 2e-3
-"""m: smallest radius of gyration of a load along any axis. Not sensitive."""
+RADIUS_LIKELY = (0.03, 1.0)
+"""m, and 1 sigma of the logarithm: root mean square distance of a load's mass from its centre along an axis, 4 mm to
+0.2 m. A motion hardly shows the inertia of a light load. Sensitive: inertia below 0.5 kg at `measured`, std ×0.7."""
+SKEW_LIKELY = 0.03
+"""m (1 sigma): the same distance for the products of inertia. Sensitive: as `RADIUS_LIKELY`."""
 
 EMPTY_PARTS = 6
 """Number of parts of the empty hand's time that are compared."""
@@ -364,24 +368,21 @@ def estimate_com(trace: Trace, parameter: Parameter, body: Body | None) -> Estim
 def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Estimate the inertia of the load about its centre of mass, kg m².
 
-    The value is that of the physically consistent body nearest to the fit.
+    The value is that of the likeliest physically consistent body.
     """
     found = _fit_load(trace)
     if found is None or not _is_felt(trace, found):
         return _nothing(parameter, "kg·m²", trace)
-    pose, theta, statistic = _in_hand(trace), *consistent(found.value, found.covariance)
+    pose, body_fit = _in_hand(trace), fit_body(found.value, found.covariance)
 
-    def central(value: Array) -> Array:
+    def central(theta: Array) -> Array:
         """Inertia about the centre of mass, in the object's axes."""
-        return np.array(components(pose.rotation.T @ inertia_about_centre(value) @ pose.rotation))
+        tensor = tensor_of(about_centre(theta).tolist())
+        return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
-    # Propagate the covariance of the fit to the six components.
-    slopes = jacobian(central, found.value)
-    stds = np.sqrt(np.diag(slopes @ found.covariance @ slopes.T))
-    pseudo = pseudo_inertia(theta)
-    # The nearest body may be a sheet or a rod without thickness. MuJoCo would read that as no inertia.
-    pseudo[:3, :3] += pseudo[3, 3] * THINNEST**2 * np.eye(3)
-    value = central(linear(pseudo))
+    # Propagate the covariance of the body to the six components.
+    value, slopes = central(body_fit.theta), jacobian(central, body_fit.theta)
+    stds = np.sqrt(np.diag(slopes @ body_fit.covariance @ slopes.T))
     # A component is observed if its error is small against the reference size. The reference is the
     # moment itself, for a product the mean moment, and at most that of the largest plausible load.
     # Products without any observed moment do not count.
@@ -394,7 +395,7 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
     excited = f" Hardly excited: {weak}; turn the hand faster about more axes." if weak else ""
     test = chi_squared(
         "physical consistency",
-        statistic,
+        body_fit.misfit,
         10,
         "No rigid body has the inertia that was fitted: the load moves in the hand, or is no rigid body.",
     )
@@ -403,38 +404,50 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         "kg·m²",
         value,
         stds,
-        f"Resistance of the load to being turned, about its centre of mass, in {_axes(trace)}; of the physically "
-        f"consistent body nearest to the fit (Wensing, Kim and Slotine, RA-L 2018).{excited}",
+        f"Resistance of the load to being turned, about its centre of mass, in {_axes(trace)}; of the likeliest "
+        f"physically consistent body (Wensing, Kim and Slotine, RA-L 2018).{excited}",
         _recordings(trace),
         reason=UNSEEN if len(unseen) == 6 else "" if found.compared else ALONE,
         unseen=unseen,
         tests=(test, *_same_in_all_parts(trace, found)),
     )
-    return replace(made, shared=map_shared(found.posterior.shared(LOAD), slopes))
+    return replace(made, shared=map_shared(found.posterior.shared(LOAD), slopes @ body_fit.gain))
 
 
-def consistent(value: Array, covariance: Array) -> tuple[Array, float]:
-    """Find the physically consistent body nearest to ten fitted parameters, in standard deviations.
+class FittedBody(NamedTuple):
+    """Physically consistent body, by its log-Cholesky parameters (10,)."""
 
-    Source: P. Wensing, S. Kim and J.-J. Slotine, Linear matrix inequalities for physically
-    consistent inertial parameter identification, IEEE RA-L 3, 2018.
+    theta: Array
+    covariance: Array  # (10, 10)
+    gain: Array  # (10, 10) change of `theta` with the ten fitted parameters
+    misfit: float  # squared Mahalanobis distance from these
 
-    Returns:
-        Its log-Cholesky parameters (10,), and its squared Mahalanobis distance.
+
+def fit_body(value: Array, covariance: Array) -> FittedBody:
+    """Find the likeliest physically consistent body for ten fitted parameters, with a prior of its size.
+
+    The covariance is that of the linearised fit in log-Cholesky coordinates, in which every body is consistent.
+    Source: P. Wensing, S. Kim and J.-J. Slotine, Linear matrix inequalities for physically consistent inertial
+    parameter identification, IEEE RA-L 3, 2018.
     """
     from scipy.optimize import least_squares  # takes longer to import than most plans to make
 
     root = np.linalg.cholesky(covariance)
+    likely, spread = np.log(RADIUS_LIKELY[0]), RADIUS_LIKELY[1]
 
     def residuals(theta: Array) -> Array:
         left: Array = np.linalg.solve(root, linear(pseudo_inertia(theta)) - value).astype(float)
-        return left
+        return np.concatenate([left, (theta[RADIUS] - likely) / spread, theta[SKEW] / SKEW_LIKELY])
 
     # Start from a box of the fitted mass and centre of mass.
     mass = max(float(value[0]), 1e-3)
-    start = of_box(mass, value[1:4] / mass, np.full(3, 2.0 * RADIUS_BELIEVED))
-    solved: Any = least_squares(residuals, start)
-    return np.asarray(solved.x, float), float(2.0 * solved.cost)
+    start = of_box(mass, value[1:4] / mass, np.full(3, RADIUS_LIKELY[0] * np.sqrt(12.0)))
+    solved: Any = least_squares(residuals, start, x_scale="jac")
+    theta, slopes = np.asarray(solved.x, float), np.asarray(solved.jac, float)
+    within = np.linalg.inv(slopes.T @ slopes).astype(np.float64)
+    # The first ten residuals are those of the fitted parameters, whitened.
+    gain = np.linalg.solve(root.T, slopes[:10] @ within).T.astype(np.float64)
+    return FittedBody(theta, within, gain, float(np.sum(residuals(theta)[:10] ** 2)))
 
 
 def _fit_load(trace: Trace) -> CarriedLoad | SensedLoad | None:
@@ -561,16 +574,7 @@ def _mass_view(trace: Trace, found: CarriedLoad | SensedLoad) -> FitView:
         stops = np.linspace(one.start, one.end, count + 1).tolist()
         edges += pairwise(stops)
     parts = np.column_stack([found.part(start, end) for start, end in edges])
-    mean, variance = found.posterior.each_alone(parts, 1.0)
-    x, mass = np.array(edges).mean(axis=1), float(found.value[0])
-    # One point for each part, with its own mass.
-    return FitView(
-        name="Mass by part of the recording.",
-        note="Each part of the windows, fitted with a mass of its own, ± 1 std with all error causes.",
-        axes=("time in the recording (s)", "mass (kg)"),
-        x=x,
-        measured=mass + mean,
-        predicted=constant(mass, x),
-        std=np.sqrt(variance),
-        slopes=unit_slopes(x),
+    extra, note = found.posterior.each_alone(parts, 1.0), "Each part, fitted with a mass of its own"
+    return mass_view(
+        np.array(edges).mean(axis=1), float(found.value[0]), extra, note, "with the load"
     )

@@ -218,18 +218,14 @@ LoadModel = tuple[list[Cause], SignalNoise, Array, list[PriorScale]]
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class LoadEstimate:
-    """Estimate of one load over n grasps."""
+class FittedLoad:
+    """One load over n grasps: its weight, and k numbers of its lever in each grasp."""
 
-    grasps: tuple[float, ...]  # s, times of the grasps
-    # (1 + 2n,) F in N, then M_x and M_y about the TCP in each grasp in N m, world axes.
-    value: Array
-    covariance: Array  # (1 + 2n, 1 + 2n) of `value`, with the errors that all grasps share
-    tests: tuple[FitTest, ...]  # for other forces on the load
+    grasps: tuple[float, ...]  # s, times at which the hand had closed on it
+    value: Array  # (1 + k n,) weight F in N, then the levers in N m
+    covariance: Array  # (1 + k n, 1 + k n) of `value`, with the errors that all grasps share
     # Errors of the arm in common with other runs, with their effects on `value`.
     shared: tuple[Shared, ...]
-    weighings: Sequence[Weighing]  # the segments that were fitted
-    rows: Sequence[WeighingRows]  # their equations
     posterior: Posterior  # of all unknowns
 
     @property
@@ -238,19 +234,28 @@ class LoadEstimate:
         return self.posterior.freedom
 
     @property
-    def agrees(self) -> bool:
-        """True if all tests passed."""
-        return all(test.passed for test in self.tests)
-
-    @property
     def force(self) -> float:
-        """N, vertical force F of the load."""
+        """N, weight F of the load."""
         return float(self.value[0])
 
     @property
     def force_std(self) -> float:
         """N, standard deviation of F."""
         return float(np.sqrt(self.covariance[0, 0]))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class LoadEstimate(FittedLoad):
+    """Load by rests and passes. Its levers are the moments M_x and M_y about the TCP, in world axes."""
+
+    tests: tuple[FitTest, ...]  # for other forces on the load
+    weighings: Sequence[Weighing]  # the segments that were fitted
+    rows: Sequence[WeighingRows]  # their equations
+
+    @property
+    def agrees(self) -> bool:
+        """True if all tests passed."""
+        return all(test.passed for test in self.tests)
 
 
 def fit_load(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> LoadEstimate:
@@ -300,7 +305,7 @@ def _fit(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -> Lo
     tests = tests_of(rows, grasps, found, hand.force_repeatability)
     count = 1 + 2 * len(grasps)
     value = found.mean[:count], found.covariance[:, :count]
-    return LoadEstimate(grasps, *value, tests, found.shared(slice(count)), weighings, rows, found)
+    return LoadEstimate(grasps, *value, found.shared(slice(count)), found, tests, weighings, rows)
 
 
 def _solve_equations(
@@ -403,28 +408,10 @@ def stiction_scales(rows: Sequence[WeighingRows]) -> Sequence[Array]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class WholeLoad:
-    """Load from all free motion around n grasps (`fit_whole`)."""
+class WholeLoad(FittedLoad):
+    """Load from all free motion (`fit_whole`). Its levers are first moments of the weight along the hand's axes."""
 
-    grasps: tuple[float, ...]  # s, times at which the hand had closed on it
-    # (1 + 3n,) weight, N, and in each grasp the first moment of the weight along the axes of the hand, N m.
-    value: Array
-    covariance: Array  # (1 + 3n, 1 + 3n) of `value`
-    # Errors of the arm in common with other runs, with their effects on `value`.
-    shared: tuple[Shared, ...]
-    misfit: float  # mean square of the residuals, in units of the noise
     seen: Blocks  # block means that were fitted
-    posterior: Posterior  # of the fit
-
-    @property
-    def force(self) -> float:
-        """N, weight of the load."""
-        return float(self.value[0])
-
-    @property
-    def std(self) -> float:
-        """N, standard deviation of the weight."""
-        return float(np.sqrt(self.covariance[0, 0]))
 
     def at(self, grasps: Sequence[float], tools: Sequence[Array]) -> Array | None:
         """Build the matrix (1 + 2n, 1 + 3n) from `value` to force and moments as in
@@ -510,6 +497,5 @@ def _fit_whole(
     sensors, count = build_noise(seen, noise), len(about)
     about = fit(first, sensors, by_signal(seen.observed), arm_scales(first)).mean[:count]
     found = fit_blocks(causes(), seen, noise)
-    misfit = float(np.mean(found.residual**2))
-    value, square = found.mean[:count], found.covariance[:count, :count]
-    return WholeLoad(seen.grasps, value, square, found.shared(slice(count)), misfit, seen, found)
+    value = found.mean[:count], found.covariance[:count, :count]
+    return WholeLoad(seen.grasps, *value, found.shared(slice(count)), found, seen)

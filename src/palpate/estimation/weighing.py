@@ -29,7 +29,14 @@ from palpate.estimation.load_equations import (
     each_its_own,
     in_each,
 )
-from palpate.estimation.load_fit import LoadEstimate, WholeLoad, fit_load, fit_whole, foreseen
+from palpate.estimation.load_fit import (
+    FittedLoad,
+    LoadEstimate,
+    WholeLoad,
+    fit_load,
+    fit_whole,
+    foreseen,
+)
 from palpate.estimation.load_noise import SignalLevels, load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.segments import (
@@ -58,29 +65,48 @@ KINDS = {"up": "on the way up", "down": "on the way down", "rest": "at rest", "t
 class Weight:
     """Mass of the object held during a recording."""
 
-    # mass, std: kg, unconstrained: the mass of a light object may be negative
-    mass: float
-    std: float
-    # Reason, a phrase, for a prior-dominated mass; empty where the empty hand was recorded.
-    doubt: str
+    gravity: float  # m/s²
     weighings: Sequence[Weighing]  # the segments that were compared
-    tests: tuple[FitTest, ...]  # for other forces on the object
-    shared: tuple[Shared, ...]  # errors in common with other weighings on that arm
-    freedom: float  # degrees of freedom of the noise
     load: LoadEstimate  # the fit of the weighings
     # The fit to all free motion, where it is more precise and gives the mass.
     whole: WholeLoad | None = None
+
+    @property
+    def best(self) -> FittedLoad:
+        """The fit that gives the mass."""
+        return self.whole or self.load
+
+    @property
+    def mass(self) -> float:
+        """kg, unconstrained: the mass of a light object may be negative."""
+        return self.best.force / self.gravity
+
+    @property
+    def std(self) -> float:
+        """kg, standard deviation of `mass`."""
+        return self.best.force_std / self.gravity
+
+    @property
+    def doubt(self) -> str:
+        """Reason, a phrase, for a prior-dominated mass; empty where the empty hand was recorded."""
+        # Without a reference the bias of the arm keeps its prior.
+        return "" if any(has_reference(one.segments) for one in self.weighings) else ALONE
+
+    @property
+    def shared(self) -> tuple[Shared, ...]:
+        """Errors of `mass` in common with other weighings on that arm."""
+        return map_shared(self.best.shared, np.eye(1, len(self.best.value)) / self.gravity)
 
     @property
     def part(self) -> FurtherValue:
         """The mass as a part of another estimate."""
         return FurtherValue(self.mass, self.std, "kg")
 
-    def view(self, gravity: float) -> FitView:
+    def view(self) -> FitView:
         """Chart the fit that gave `mass`, by parts of the recording."""
         if self.whole is None:
-            return weighing_view(self.load, gravity)
-        return whole_view(self.whole, gravity)
+            return weighing_view(self.load, self.gravity)
+        return whole_view(self.whole, self.gravity)
 
     @property
     def segments(self) -> Sequence[Segment]:
@@ -101,17 +127,9 @@ def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Wei
     """
     found = weighings(trace, recording, learned=by_all_motion)
     load = fit_load(found, trace.gravity, trace.hand)
-    whole = whole_of(trace, recording, found, load) if by_all_motion else None
     # Use the fit to all free motion where it is accepted, else the contrast.
-    force, std = (load.force, load.force_std) if whole is None else (whole.force, whole.std)
-    # Errors that other measurements of the arm share, per g.
-    made = load if whole is None else whole
-    shared = map_shared(made.shared, np.eye(1, len(made.value)) / trace.gravity)
-    mass, std = force / trace.gravity, std / trace.gravity
-    freedom = load.freedom if whole is None else whole.posterior.freedom
-    # Without a reference the bias of the arm keeps its prior.
-    doubt = "" if any(has_reference(weighing.segments) for weighing in found) else ALONE
-    return Weight(mass, std, doubt, found, load.tests, shared, freedom, load, whole)
+    whole = whole_of(trace, recording, found, load) if by_all_motion else None
+    return Weight(trace.gravity, found, load, whole)
 
 
 def whole_of(
@@ -125,7 +143,7 @@ def whole_of(
     if name is None or not load.agrees:
         return None
     whole = fit_whole(trace, name, found[0].noise, load.force)
-    if whole is None or whole.std >= load.force_std:
+    if whole is None or whole.force_std >= load.force_std:
         return None
     apart = abs(whole.force - load.force)
     return whole if apart < WHOLE_APART * load.force_std else None
@@ -174,14 +192,12 @@ def weighing_view(load: LoadEstimate, gravity: float) -> FitView:
         parts += [weighing.segments[i] for i in loaded]
     # Fit an extra load to each segment alone.
     wide = np.concatenate(each_its_own(columns))
-    mean, variance = load.posterior.each_alone(wide, LOAD_PRIOR)
-    return _view(
+    return mass_view(
         np.array([(part.start + part.end) / 2.0 for part in parts]),
-        load.force,
-        (mean, variance),
-        [KINDS.get(part.kind.split()[0], part.kind) for part in parts],
-        gravity,
+        load.force / gravity,
+        load.posterior.each_alone(gravity * wide, LOAD_PRIOR / gravity),
         "Each rest and each pass with the object, fitted with a mass of its own, less the empty hand's",
+        [KINDS.get(part.kind.split()[0], part.kind) for part in parts],
     )
 
 
@@ -199,37 +215,33 @@ def whole_view(whole: WholeLoad, gravity: float) -> FitView:
     )
     columns = borne[:, None] * shares
     resting = seen.resting.sum(axis=1)
-    return _view(
+    return mass_view(
         np.array([float(seen.t[part].mean()) for part in parts]),
-        whole.force,
-        whole.posterior.each_alone(columns, LOAD_PRIOR),
-        [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
-        gravity,
+        whole.force / gravity,
+        whole.posterior.each_alone(gravity * columns, LOAD_PRIOR / gravity),
         "Each half second in which the object hung free, fitted with a mass of its own",
+        [KINDS["rest"] if float(resting[part].mean()) > 0.5 else "in motion" for part in parts],
     )
 
 
-def _view(
-    x: Array,
-    force: float,
-    own: tuple[Array, Array],
-    groups: Sequence[str],
-    gravity: float,
-    parts: str,
+def mass_view(
+    x: Array, mass: float, extra: tuple[Array, Array], parts: str, groups: Sequence[str] | str
 ) -> FitView:
-    """Chart extra forces `own` (mean and variance), N and N², of parts of a recording as masses."""
-    # Each extra force adds to the fitted one.
-    mean, variance = own
-    mass = force / gravity
+    """Chart a mass by parts of a recording at times `x` (n,), s.
+
+    Args:
+        extra: means and variances (n,), kg and kg², of an extra mass in each part, fitted alone.
+    """
+    mean, variance = extra
     return FitView(
         name="Mass by part of the recording.",
         note=f"{parts}, ± 1 std with all error causes. Parts share causes, such as gains of the joints' "
         "sensors, so that their common fit is not their plain mean.",
         axes=("robot time (s)", "mass (kg)"),
         x=x,
-        measured=mass + mean / gravity,
+        measured=mass + mean,
         predicted=constant(mass, x),
-        std=np.sqrt(variance) / gravity,
+        std=np.sqrt(variance),
         groups=groups,
         slopes=unit_slopes(x),
     )

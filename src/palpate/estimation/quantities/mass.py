@@ -207,10 +207,10 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
         method,
         evidence=(recording,),
         parts={"single-shot": single_shot(trace, recording)},
-        tests=weight.tests,
+        tests=weight.load.tests,
         shared=weight.shared,
-        freedom=weight.freedom,
-        views=(weight.view(trace.gravity),),
+        freedom=weight.best.freedom,
+        views=(weight.view(),),
         reason=weight.doubt,
     )
 

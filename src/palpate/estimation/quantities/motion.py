@@ -110,11 +110,11 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         return not_measured(parameter, MOMENTUM_UNIT)
     velocity = mean_velocity(trace, recording)
     weight = weigh(trace, recording)
-    light = weight.mass < half95(weight.freedom) * weight.std
+    light = weight.mass < half95(weight.best.freedom) * weight.std
     # Product of independent factors: relative variances add, to first order.
     std = np.hypot(weight.mass * velocity.std, weight.std * velocity.value)
     # Show the fits of both factors; the interval of the product applies to neither, so it has no slopes.
-    fits = (weight.view(trace.gravity), velocity.view(trace, recording))
+    fits = (weight.view(), velocity.view(trace, recording))
     method = (
         "Mean velocity of the recording times the object's mass from the same trace "
         f"({weight.mass:.3f} kg)."
@@ -128,6 +128,6 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         evidence=(recording,),
         reason=weight.doubt or ("the mass is not told from zero" if light else ""),
         parts={"mass": weight.part},
-        tests=weight.tests,
+        tests=weight.load.tests,
         views=tuple(replace(view, slopes=None) for view in fits),
     )
