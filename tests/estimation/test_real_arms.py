@@ -47,7 +47,7 @@ def test_intervals_of_nothing_hold_nothing() -> None:
         trace = trace_of(log, carrying, asked, arm, Pose.of([0.0, 0.0, 0.0]), GRAVITY)
         whole = fit_whole(trace, "load", unknown, 0.01)
         assert whole is not None
-        errors.append((whole.force, whole.std, half95(whole.posterior.freedom)))
+        errors.append((whole.force, whole.force_std, half95(whole.posterior.freedom)))
     force, std, half = np.array(errors).T
     assert len(force) >= 6
     assert np.mean(np.abs(force) < half * std) >= 0.8

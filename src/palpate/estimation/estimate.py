@@ -6,6 +6,7 @@ import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, fields, replace
 from html import escape
+from itertools import chain
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
@@ -230,6 +231,14 @@ def map_shared(shared: Iterable[Shared], slopes: Array) -> tuple[Shared, ...]:
     return tuple(
         replace(one, effect=tuple((slopes @ np.array(one.effect)).tolist())) for one in shared
     )
+
+
+def add_shared(*parts: Sequence[Shared]) -> tuple[Shared, ...]:
+    """Add the effects of each cause, for an estimate that is the sum of several."""
+    found: dict[tuple[str, Literal["arm", "scene"]], Array] = {}
+    for one in chain.from_iterable(parts):
+        found[one.cause, one.of] = found.get((one.cause, one.of), 0.0) + np.array(one.effect)
+    return tuple(Shared(*key, tuple(effect.tolist())) for key, effect in found.items())
 
 
 COLUMNS = ("parameter", "value ± std", "95 % interval", "verdict")

@@ -453,7 +453,7 @@ def fit_whole(trace: Trace, name: str, noise: SignalLevels, about_force: float) 
         if free := free_rows(trace, name, surely):
             seen = blocks(trace, observed, name, free, surely)
             found.append(_fit_whole(trace, observed, seen, noise, about_force))
-    best = min(found, key=lambda whole: whole.std, default=None)
+    best = min(found, key=lambda whole: whole.force_std, default=None)
     sensed = None if best is None else fit_sensed_grasps(trace, name)
     return best if best is None or sensed is None else _with_sensor(best, sensed)
 
