@@ -139,8 +139,8 @@ def whole_of(
     """Fit the load to all free motion around its weighings, and take the mean with theirs by inverse variances.
 
     Both share rows, so that the deviation remains that of the fit alone. The mean has no larger one unless the
-    correlation of both errors exceeds the ratio of their deviations. In 72 weighings at `measured` the mean was 6.3 g off
-    (rms), the fit alone 6.9 g.
+    correlation of both errors exceeds the ratio of their deviations. In 72 weighings at `measured` the mean was 6.3 g
+    off (rms), the fit alone 6.9 g.
 
     None where the fit is not more precise, a test failed, or both results disagree.
     """
