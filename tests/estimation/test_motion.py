@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from palpate.estimation.motion import at_rest, mean_pose, runs
+from palpate.estimation.motion import at_rest, mean_pose, runs, smoothed_with_rate
 from palpate.trace.samples import Samples
 
 
@@ -30,3 +30,12 @@ def test_mean_pose_ignores_the_sign_of_quaternions(weighing, noises):
     trace.samples.pose_world_tcp[::2, 3:] *= -1.0
     mean = mean_pose(trace.samples.between(0.0, 0.3))
     assert abs(mean.quaternion @ trace.samples.pose_world_tcp[0, 3:]) == pytest.approx(1.0)
+
+
+def test_means_at_an_end_or_a_gap_in_motion_are_those_of_the_rows_there_are():
+    t = np.concatenate([np.arange(0.0, 0.5, 0.005), np.arange(3.0, 3.5, 0.005)])
+    speeds = np.where(t < 1.0, 2.0 * t, 1.0 - 4.0 * (t - 3.0))[:, None]
+    smooth, rates = smoothed_with_rate(speeds, t, 0.1)
+    assert rates[:, 0] == pytest.approx(np.where(t < 1.0, 2.0, -4.0))
+    # A one-sided mean is that of a time at most a quarter of the window away.
+    assert np.abs(smooth - speeds).max() < 4.0 * 0.1 / 4.0

@@ -48,6 +48,30 @@ def test_the_fit_is_narrower_than_the_contrast_along_the_path_and_calibrated(tra
     assert weight.std < 0.75e-3
 
 
+def test_the_weight_is_between_the_contrast_and_the_fit_and_no_wider_than_the_fit(trace):
+    weight = weigh(trace, trace.recordings[-1])
+    alone = fit_whole(trace, "green_bottle", weight.weighings[0].noise, weight.load.force)
+    assert alone is not None
+    low, high = sorted((alone.force, weight.load.force))
+    assert low < weight.best.force < high
+    assert weight.best.force_std == alone.force_std
+    # A gain moves the weight by its mean effect on both.
+    gains = [{one.cause: one.effect[0] for one in each.shared} for each in (alone, weight.load)]
+    mixed = {one.cause: one.effect[0] * trace.gravity for one in weight.shared}
+    share = (weight.best.force - alone.force) / (weight.load.force - alone.force)
+    for cause, effect in gains[1].items():
+        assert mixed[cause] == pytest.approx(gains[0][cause] * (1.0 - share) + effect * share)
+
+
+def test_a_part_that_ends_in_motion_weighs_as_well(trace):
+    samples, last = trace.samples, trace.recordings[-1]
+    moving = (samples.t > last.end + 5.0) & (np.abs(samples.dq).max(axis=1) > 0.3)
+    part = trace.during(0.0, float(samples.t[moving][0]))
+    whole, cut = weigh(trace, last).best, weigh(part, last).best
+    assert cut.force_std < 1.5 * whole.force_std
+    assert abs(cut.force / trace.gravity - TRUTH) < 3.0 * cut.force_std / trace.gravity
+
+
 def spoilt_by(trace, torque: np.ndarray):
     """The load of `trace` before and after a further `torque` (n,), N m, in joint 2."""
     samples = trace.samples

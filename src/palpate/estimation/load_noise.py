@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from palpate.common.pose import Array
 from palpate.estimation.estimate import KNOWN
-from palpate.estimation.motion import Mask
+from palpate.estimation.motion import GAP, Mask
 from palpate.trace.samples import Trace
 
 SHORT_BLOCK = 0.05
@@ -30,8 +30,6 @@ FLICKER_FREEDOM = (6.0, 20.0)
 about two. Even with many blocks it is extrapolated to a run of some ten seconds: in 75 recorded
 runs with a known level its square came out at 0.7 to 1.25 of that. Sensitive: 95 % intervals
 ×0.9–1, no std."""
-GAP = 3.0
-"""sampling periods between samples from which samples are missing. Not sensitive."""
 STANDS_OUT = 2.0
 """standard deviations of the excess scatter of long blocks over white noise from which it counts as
 1/f noise. Sensitive: mass 0.2 σ, std ×0.8–1.2."""

@@ -29,6 +29,8 @@ NEAR_ANGLE = 0.06
 SPEED_SMOOTH = 0.05
 """s: averaging time of the speed in the test for a constant speed, as encoders are noisy.
 Sensitive: mass 0.5 σ, std ×0.9–1.5."""
+GAP = 3.0
+"""sampling periods between samples from which samples are missing. Not sensitive."""
 STEADY = 0.05
 """m/s²: largest acceleration of a row of a pass. The inertial force of the arm at a change of speed
 is far larger than a load. Sensitive: mass 0.7 σ, std ×0.8–1.5."""
@@ -49,16 +51,29 @@ def row_at(samples: Samples, time: float) -> int:
 
 
 def smooth_rows(values: Array, rows: int) -> Array:
-    """Compute the (n,) running mean of values (n,) over `rows` rows."""
-    return np.convolve(values, np.ones(rows) / rows, mode="same")
+    """Compute the (n,) running mean of values (n,) over `rows` rows; at the ends over those that exist."""
+    window = np.ones(min(rows, len(values)))
+    counts = np.convolve(np.ones(len(values)), window, mode="same")
+    return np.convolve(values, window, mode="same") / counts
 
 
 def smoothed_with_rate(speeds: Array, t: Array, over: float) -> tuple[Array, Array]:
-    """Average speeds (n, k) over at most `over` s; return them and their rates of change per second."""
+    """Average speeds (n, k) over at most `over` s; return them and their rates of change per second.
+
+    Both are means over the same rows. A part of a trace may begin, end or have a gap while the arm moves.
+    """
+    steps = np.diff(t)
+    step = max(float(np.median(steps)) if len(steps) else 0.0, 1e-9)
     # An odd window keeps both at the time of their row.
-    half = max(0, round(over / max(float(np.median(np.diff(t))), 1e-9)) - 1) // 2
-    smooth = np.column_stack([smooth_rows(speed, 2 * half + 1) for speed in speeds.T])
-    return smooth, np.gradient(smooth, t, axis=0)
+    rows = 2 * (max(0, round(over / step) - 1) // 2) + 1
+    smooth, rates = np.zeros(speeds.shape), np.zeros(speeds.shape)
+    for part in np.split(np.arange(len(t)), np.flatnonzero(steps > GAP * step) + 1):
+        for column in range(speeds.shape[1]):
+            speed: Array = speeds[part, column]
+            smooth[part, column] = smooth_rows(speed, rows)
+            if len(part) > 1:
+                rates[part, column] = smooth_rows(np.gradient(speed, t[part]), rows)
+    return smooth, rates
 
 
 @once
