@@ -9,8 +9,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from palpate.common.pose import Array
-from palpate.estimation.arm_motion import PRESLIDINGS
+from palpate.estimation.arm_motion import PRESLIDINGS, SpectralNoise
+from palpate.estimation.joint_causes import per_joint
 from palpate.estimation.joint_friction import dahl, turned_round
+from palpate.estimation.regression import Cause, fit
 from palpate.estimation.rigid_bodies import load_torques, own_motion
 from palpate.trace.recording import ArmLog, Chain
 from palpate.trace.samples import STANDARD_GRAVITY
@@ -86,6 +88,7 @@ PRESLIDING: Array = np.geomspace(2e-4, 2e-2, 21)  # rad
 USUAL = 2e-3  # rad, where the recording does not show it
 WIDE = 1.0  # rad, range of a joint that shows how its friction varies over a turn
 STRETCH = 1.0  # s: stretches of a residual that count as independent of each other
+ANYTHING = 1e3  # N m (1 sigma): uninformative prior of a joint's coefficients
 LOAD: Array = np.array([0.3, 0.03, 0.03, 0.03])
 """Standard deviations of a load beyond the nominal hand: kg, and kg m along each axis of the hand."""
 
@@ -103,24 +106,19 @@ class JointFits:
     @classmethod
     def of(cls, y: Array, columns: list[Array], load: Array, t: Array) -> JointFits:
         """Fit `columns`, k of (n, 7), and the load's (n, 7, 4), to `y` (n, 7) sampled at times `t` (n,)."""
-        # Block design: each joint has its own coefficients, and the load has a prior (ridge).
         n, k = len(y), len(columns)
-        design = np.zeros((n, 7, 7 * k + 4))
-        for joint in range(7):
-            for i, column in enumerate(columns):
-                design[:, joint, 7 * i + joint] = column[:, joint]
-        design[:, :, 7 * k :] = load
-        ridge = np.zeros(7 * k + 4)
-        ridge[7 * k :] = 1.0 / LOAD**2
+        joints = Cause.build("joints", per_joint(*columns), ANYTHING)
+        causes = [joints, Cause.build("load", load, LOAD)]
         # Two weighted solutions: the second with the residual size of each joint.
+        size = fit(causes, SpectralNoise(np.ones(y.size), y.size), y.ravel()).residual
+        size = size.reshape(y.shape).std(0) + 1e-9
+        posterior = fit(causes, SpectralNoise(np.tile(size, n), y.size), y.ravel())
+        found, inverse = posterior.mean, posterior.covariance
+        # Robust (sandwich) covariance over stretches, for a residual correlated within them.
         stretch = ((t - t[0]) / STRETCH).astype(int)
         starts = np.flatnonzero(np.diff(stretch, prepend=-1))
-        found, inverse = _solve_normal_equations(design, y, np.ones(7), ridge)
-        size = (y - design @ found).std(0) + 1e-9
-        found, inverse = _solve_normal_equations(design, y, size, ridge)
-        # Robust (sandwich) covariance over stretches, for a residual correlated within them.
-        residual = y - design @ found
-        scores = (design / size[:, None] * (residual / size)[:, :, None]).sum(1)
+        residual = posterior.residual.reshape(y.shape) * size
+        scores = (posterior.model.design * posterior.residual[:, None]).reshape(n, 7, -1).sum(1)
         summed = np.add.reduceat(scores, starts)
         means = np.add.reduceat(residual, starts)
         alike = np.maximum(
@@ -137,15 +135,6 @@ class JointFits:
             residual,
             n / alike,
         )
-
-
-def _solve_normal_equations(
-    design: Array, y: Array, size: Array, ridge: Array
-) -> tuple[Array, Array]:
-    """Solve the normal equations with each joint's rows divided by `size` (7,); also return the inverse."""
-    x = (design / size[:, None]).reshape(-1, design.shape[2])
-    inverse = np.asarray(np.linalg.pinv(x.T @ x + np.diag(ridge), hermitian=True), dtype=np.float64)
-    return inverse @ (x.T @ (y / size).ravel()), inverse
 
 
 def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:
@@ -208,8 +197,8 @@ def distances(misfits: Array, independent: Array) -> FigureInterval:
 
 def variation(fit: JointFits) -> FigureInterval:
     """Relative variation of the friction over a turn (root mean square), corrected for noise."""
-    size = np.sqrt((fit.value[2:] ** 2).sum(0) / 2) / fit.value[1]
-    std = np.sqrt((fit.std[2:] ** 2).sum(0) / 2) / fit.value[1]
+    level = np.maximum(fit.value[1], 1e-9)
+    size, std = (np.sqrt((each[2:] ** 2).sum(0) / 2) / level for each in (fit.value, fit.std))
     less = np.sqrt(np.maximum(size**2 - std**2, 0.0))
     return FigureInterval(less, np.maximum(size - SURE * std, 0.0), size + SURE * std)
 
