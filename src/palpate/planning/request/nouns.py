@@ -22,22 +22,8 @@ LONGEST_NAME = 6
 """Maximum number of words that describe a body."""
 OBJECT = "object"
 """Concept of nouns for any object."""
-COLOURS = frozenset(
-    [
-        "+red",
-        "+green",
-        "+blue",
-        "+light",
-        "+yellow",
-        "+orange",
-        "+purple",
-        "+pink",
-        "+brown",
-        "+black",
-        "+white",
-        "+grey",
-    ]
-)
+COLOURS = frozenset({"+red", "+green", "+blue", "+light", "+yellow", "+orange"})
+COLOURS |= {"+purple", "+pink", "+brown", "+black", "+white", "+grey"}
 _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
 """Suffixes of model names without a meaning."""
 _COLLECTIVE = frozenset({"fruit", "stationery", "glassware", "cutlery", "obst", "geschirr"})
@@ -69,29 +55,26 @@ class _Words:
     """Words for one body.
 
     Attributes:
-        own: words of its name.
-        heads: words of its name that may be its noun.
-        said: all English words for it.
-        concepts: concepts of its words; `head_concepts` of its noun.
+        own, heads: words of its name, and those that may be its noun.
+        shapes: further English words for it; `said` with its own.
+        concepts, usual: concepts of all words, and of its noun.
+        role: its role in the scene.
     """
 
     def __init__(self, body: Body) -> None:
-        self.own = name_words(body.name)
-        told = name_words(re.split(r"[(,]", body.name)[0]) or self.own
+        self.own, self.role = name_words(body.name), body.role
+        plain = name_words(re.split(r"[(,]", body.name)[0]) or self.own
         # The noun is the last word that is neither an adjective nor a suffix without a meaning.
-        nouns = [word for word in told if len(word) > 1 and not _FURTHER.fullmatch(word)]
-        nouns = [word for word in nouns if not _is_adjective(word)] or nouns or list(told)
+        nouns = [word for word in plain if len(word) > 1 and not _FURTHER.fullmatch(word)]
+        nouns = [word for word in nouns if not _is_adjective(word)] or nouns or list(plain)
         self.heads = frozenset(nouns[-1:])
         self.said = frozenset(self.own) | {part for word in body.words for part in word.split()}
         self.shapes = self.said - frozenset(self.own)
-        words = {*self.said, "_".join(self.own)}
-        self.concepts = frozenset(one for word in words for one in _all_concepts(word))
+        whole = "_".join(self.own)
+        self.concepts = frozenset(c for word in {*self.said, whole} for c in _all_concepts(word))
         self.usual = frozenset(
-            one
-            for word in (*self.heads, "_".join(self.own))
-            for one in (*_all_concepts(word), *_compound_concepts(word))
+            c for w in (*self.heads, whole) for c in (*_all_concepts(w), *_compound_concepts(w))
         )
-        self.role = body.role
 
 
 class Nouns:
@@ -120,7 +103,8 @@ class Nouns:
         best: Phrase | None = None
         for length in range(1, LONGEST_NAME + 1):
             part = said[at : at + length]
-            if len(part) < length or not self._describes(part[-1], code):
+            known = _concepts(part[-1], code) or self._distinguishes(part[-1], code)
+            if len(part) < length or not known:
                 break
             # In English and German, no adjective follows its noun.
             noun = best is not None and best.noun and code in ("en", "de")
@@ -159,7 +143,7 @@ class Nouns:
                 names = (GRIPPER,)
             plural = part[-1] in _COLLECTIVE or self._is_plural(part, names, code)
             return Phrase(len(part), names, plural, True, inexact or (bool(names) and least > 0))
-        if all(self._describes(word, code) for word in part):
+        if all(_concepts(word, code) or self._distinguishes(word, code) for word in part):
             return Phrase(len(part), tuple(fitting), False, False)
         return None
 
@@ -190,13 +174,6 @@ class Nouns:
             ):
                 return True
         return False
-
-    def _describes(self, word: str, code: str) -> bool:
-        """True for a word that may describe a body of this scene, or a known noun or adjective."""
-        return bool(
-            _concepts(word, code)
-            or any(self._word_rank(one, word, code) is not None for one in self.words.values())
-        )
 
     def _is_noun(self, word: str, code: str) -> bool:
         concepts = _concepts(word, code)

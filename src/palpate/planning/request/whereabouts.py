@@ -22,11 +22,15 @@ TOUCHING = 0.02
 NEARER = 0.8
 """Ratio of distances below which the nearer of two bodies is unambiguous."""
 LEVEL = 0.001
-"""m. Minimum difference in distance for one body to be the nearest. Scenes state positions in
-millimetres.
-"""
+"""m. Minimum difference in distance for one body to be the nearest: scenes state millimetres."""
 LARGER = 1.1
 """Ratio of sizes above which the larger of two bodies is unambiguous."""
+_AXES = {"left": ("y", 1), "right": ("y", -1), "tall": ("height", 1), "short": ("height", -1)}
+_AXES |= {"large": ("volume", 1), "small": ("volume", -1)}
+_AXES |= dict.fromkeys(("far", "behind"), ("x", 1)) | dict.fromkeys(("near", "front"), ("x", -1))
+"""Compared measure, and its sign, by word."""
+_SAID = {"left": "left of", "right": "right of", "front": "in front of", "off": "on", "over": "on"}
+_SAID |= {"nearest": "nearest to", "farthest": "farthest from"}
 
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
@@ -35,32 +39,19 @@ def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple
     Raises:
         PlanRejected: two bodies are equally far or large.
     """
-    axis, sign = _EXTREMES[place]
-    bodies = _bodies(scene, names)
+    axis, sign = _AXES[place]
     # Rank by the signed measure and compare the best two: positions by difference, sizes by ratio.
-    measured = [sign * _measure(axis, body, scene) for body in bodies]
-    first, second = sorted(range(len(bodies)), key=measured.__getitem__, reverse=True)[:2]
-    one, other = abs(measured[first]), abs(measured[second])
-    apart = max(one, other) > LARGER * min(one, other)
+    ranked = sorted(
+        ((sign * _measure(axis, body, scene), body.name) for body in _bodies(scene, names)),
+        key=lambda one: -one[0],
+    )
+    (first, name), (second, other) = ranked[:2]
+    apart = max(abs(first), abs(second)) > LARGER * min(abs(first), abs(second))
     if axis in ("x", "y"):
-        apart = measured[first] - measured[second] > APART
+        apart = first - second > APART
     if not apart:
-        either = f"'{bodies[first].name}' or '{bodies[second].name}'"
-        raise PlanRejected(f"'the {place} {said}' may be {either}; name one")
-    return bodies[first].name, _as_seen(place)
-
-
-_EXTREMES = {
-    "left": ("y", 1),
-    "right": ("y", -1),
-    "far": ("x", 1),
-    "near": ("x", -1),
-    "large": ("volume", 1),
-    "small": ("volume", -1),
-    "tall": ("height", 1),
-    "short": ("height", -1),
-}
-"""Compared measure, and its sign, by word."""
+        raise PlanRejected(f"'the {place} {said}' may be '{name}' or '{other}'; name one")
+    return name, _as_seen(place)
 
 
 def _measure(axis: str, body: Body, scene: Scene) -> float:
@@ -77,72 +68,54 @@ def standing(
     Raises:
         PlanRejected: no body has the relation, or the choice is ambiguous.
     """
-    # Candidates: all of the bodies except the landmarks.
     beside = _bodies(scene, marks)
-    rest = _bodies(scene, names)
-    rest = [body for body in rest if all(body is not mark for mark in beside)]
+    rest = _bodies(scene, [name for name in names if name not in marks])
     on_surface = relation in _STANDING and all(name in scene.surfaces for name in marks)
-    remark = ""
-    if len(names) == 1 and on_surface and names[0] not in marks:
-        # The height of a surface may be unknown, so the position of a single body on it is not
-        # tested.
-        return tuple(names), remark
+    if len(names) == 1 and on_surface and rest:
+        # The height of a surface may be unknown, so a single body on it is not tested.
+        return tuple(names), ""
     # Vertical relations compare boxes; horizontal ones compare distances and directions.
     if relation in _STANDING:
         stands = _STANDING[relation]
         found = [body for body in rest if any(stands(body, mark, rest) for mark in beside)]
+        remark = ""
     else:
-        found, remark = _bodies_in_relation(relation, rest, beside, scene, chosen=len(rest) > 1)
+        found, remark = _bodies_in_relation(relation, rest, beside, scene)
     if not found:
         places = " and ".join(f"'{mark}'" for mark in marks)
         raise PlanRejected(f"no '{said}' of this scene is {_SAID.get(relation, relation)} {places}")
     return tuple(body.name for body in found), remark
 
 
-_SAID = {
-    "off": "on",
-    "over": "on",
-    "nearest": "nearest to",
-    "farthest": "farthest from",
-    "left": "left of",
-    "right": "right of",
-    "front": "in front of",
-}
-
-
 def _bodies_in_relation(
-    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene, chosen: bool
+    relation: str, rest: Sequence[Body], marks: Sequence[Body], scene: Scene
 ) -> tuple[list[Body], str]:
-    """Return the bodies with a horizontal relation; the nearest of several if one is chosen."""
+    """Return the bodies with a horizontal relation; the nearest of several."""
     # Vectors from the centre of the landmarks to each body, in the base frame.
     middle = np.mean([_in_base(mark, scene) for mark in marks], axis=0)
     ways = [(_in_base(body, scene) - middle, body) for body in rest]
-    axis, sign = _SIDES.get(relation, (0, 0))
+    axis, sign = _AXES.get(relation, ("x", 0))
     so = [
         (float(np.hypot(*way[:2])), body)
         for way, body in ways
-        if not sign or sign * way[axis] > APART
+        if not sign or sign * way["xy".index(axis)] > APART
     ]
     # Nearest first, or farthest first.
     so.sort(key=lambda one: one[0], reverse=relation == "farthest")
     remark = _as_seen(relation)
-    if not chosen or len(so) < 2:
-        return [body for _, body in so], remark if chosen else ""
+    if len(rest) < 2 or len(so) < 2:
+        return [body for _, body in so], remark if len(rest) > 1 else ""
     # The choice needs a clear margin to the second body.
     (first, nearest), (second, other) = so[:2]
-    told_apart = first < NEARER * second
+    clear = first < NEARER * second
     if relation in ("nearest", "farthest"):
         apart = abs(second - first)
-        told_apart = apart > LEVEL
+        clear = apart > LEVEL
         remark = f"The {relation} is '{nearest.name}', by {1e3 * apart:.0f} mm."
-    if told_apart:
+    if clear:
         return [nearest], remark
     said = _SAID.get(relation, relation)
     raise PlanRejected(f"{said} it may stand '{nearest.name}' or '{other.name}'; name one")
-
-
-_SIDES = {"left": (1, 1), "right": (1, -1), "behind": (0, 1), "front": (0, -1)}
-"""Axis of the robot's base, and its sign, by relation."""
 
 
 def _as_seen(relation: str) -> str:
@@ -173,26 +146,20 @@ def _is_upon(body: Body, mark: Body, others: Sequence[Body]) -> bool:
 
 def _on(upper: Body, lower: Body) -> bool:
     """True if a body stands directly on another."""
-    if upper.name in lower.carries:
-        return True
-    x, y = _middle(upper)[:2]
     # Bottom at the height of the top, and centre above the footprint.
+    x, y = _middle(upper)[:2]
     near = abs(upper.bottom_z() - lower.top_z()) < TOUCHING
-    return upper is not lower and near and lower.covers(x, y)
+    return upper.name in lower.carries or (upper is not lower and near and lower.covers(x, y))
 
 
 def _in(inner: Body, outer: Body) -> bool:
-    """True if a body is inside another."""
-    # The centre lies between bottom and top, within the footprint.
+    """True if the centre of a body lies between bottom and top of another, within its footprint."""
     x, y, z = _middle(inner)
-    between = outer.bottom_z() < z < outer.top_z()
-    return inner is not outer and between and outer.covers(x, y)
+    return inner is not outer and outer.bottom_z() < z < outer.top_z() and outer.covers(x, y)
 
 
 _STANDING: Mapping[str, Callable[[Body, Body, Sequence[Body]], bool]] = {
-    "on": _is_upon,
-    "off": _is_upon,
-    "over": _is_upon,
+    **dict.fromkeys(("on", "off", "over"), _is_upon),
     "under": lambda body, mark, _: _on(mark, body),
     "in": lambda body, mark, _: _in(body, mark),
 }

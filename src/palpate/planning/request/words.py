@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import re
 import unicodedata
-from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from difflib import get_close_matches
 from functools import cache, lru_cache
 from importlib.resources import files
+from typing import Any
 
 from palpate.estimation.quantities.catalogue import catalogue
 
@@ -33,50 +33,42 @@ Classes = Mapping[str, str]
 """Classes of a phrase, each with its value; without a value, it is empty."""
 
 
-@dataclass(frozen=True, slots=True)
-class Entry:
-    """Phrase of a word list, with its class; an asterisk at the end of a word stands for any ending."""
-
-    words: tuple[str, ...]
-    name: str
-    value: str
-
-
 @dataclass(frozen=True)
 class Language:
     """Word lists of one language.
 
     Attributes:
         is_english: its plurals are English.
-        entries: phrases by the first two letters of their first word.
+        entries: phrases with class and value, by the first two letters; `*` stands for any ending.
         nouns: concepts of each noun or adjective, the usual concept first.
         words: all complete words, for the correction of spelling.
     """
 
     is_english: bool
-    entries: dict[str, list[Entry]] = field(default_factory=lambda: defaultdict(list[Entry]))
-    nouns: dict[str, list[str]] = field(default_factory=lambda: defaultdict(list[str]))
+    entries: dict[str, list[tuple[tuple[str, ...], str, str]]] = field(
+        default_factory=dict[str, Any]
+    )
+    nouns: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
     words: set[str] = field(default_factory=set[str])
 
     def add(self, phrase: str, name: str, value: str) -> None:
         """Add a phrase of a class."""
-        words = tuple(phrase.replace("'", " ").replace("-", " ").split())
-        self.entries[without_accents(words[0])[:2].rstrip("*")].append(Entry(words, name, value))
+        words = tuple(re.split(r"[ '-]+", phrase))
+        key = without_accents(words[0])[:2].rstrip("*")
+        self.entries.setdefault(key, []).append((words, name, value))
         if len(words) == 1 and name in _SPELT_OUT and len(phrase) > EXACT and "*" not in phrase:
-            self.words.add(words[0])
+            self.words.add(phrase)
 
     def match(self, words: Sequence[str], at: int) -> tuple[int, Classes]:
         """Return the number of words of the longest phrase at a position, and its classes."""
         most, classes = 0, dict[str, str]()
         key = without_accents(words[at])
-        for entry in (*self.entries.get(key[:2], ()), *self.entries.get(key[:1], ())):
-            said = words[at : at + len(entry.words)]
-            if len(said) < max(len(entry.words), most):
-                continue
-            if all(map(_agrees, said, entry.words)):
+        for forms, name, value in (*self.entries.get(key[:2], ()), *self.entries.get(key[:1], ())):
+            said = words[at : at + len(forms)]
+            if len(said) >= max(len(forms), most) and all(map(_agrees, said, forms)):
                 if len(said) > most:
                     most, classes = len(said), dict[str, str]()
-                classes.setdefault(entry.name, entry.value)
+                classes.setdefault(name, value)
         return most, classes
 
     def concepts(self, word: str) -> tuple[str, ...]:
@@ -121,26 +113,22 @@ def languages() -> Mapping[str, Language]:
 
 @cache
 def _languages(ids: tuple[str, ...]) -> Mapping[str, Language]:
-    """Return the word lists, with the names of these quantities.
-
-    `words/classes.txt` has the phrases, the catalogue the names of quantities, and
-    `words/nouns.txt` the nouns.
-    """
+    """Return the word lists, with the names of these quantities."""
     found = {code: Language(code == "en") for code in LANGUAGES}
     for head, columns in _rows("classes"):
         name, _, value = head.partition(" ")
-        for code, phrases in columns:
-            for phrase in filter(str.strip, phrases.split(",")):
+        for code, listed in columns:
+            for phrase in filter(None, map(str.strip, listed.split(","))):
                 found[code].add(phrase, name, value)
     for id in ids:
         for code, phrases in catalogue()[id].words.items():
             for phrase in set(phrases) - _OTHERWISE:
                 found[code].add(phrase, "N", id)
     for head, columns in _rows("nouns"):
-        for code, words in columns:
-            for place, word in enumerate(words.split()):
+        for code, listed in columns:
+            for place, word in enumerate(listed.split()):
                 for form in {word, without_accents(word) if len(word) > EXACT else word}:
-                    concepts = found[code].nouns[form]
+                    concepts = found[code].nouns.setdefault(form, [])
                     concepts.insert(0 if place == 0 else len(concepts), head)
                 if "*" not in word:
                     found[code].words.add(word)
@@ -150,9 +138,12 @@ def _languages(ids: tuple[str, ...]) -> Mapping[str, Language]:
 @cache
 def kinds() -> Mapping[str, frozenset[str]]:
     """Return the English members of each class of objects."""
-    text = files("palpate.planning.request").joinpath("words", "nouns.txt").read_text("utf-8")
-    rows = re.findall(r"^(=\w+):([\w ]+)", text, re.MULTILINE)
+    rows = re.findall(r"^(=\w+):([\w ]+)", _text("nouns"), re.MULTILINE)
     return {head: frozenset(members.split()) for head, members in rows}
+
+
+def _text(name: str) -> str:
+    return files("palpate.planning.request").joinpath("words", f"{name}.txt").read_text("utf-8")
 
 
 def _rows(name: str) -> Iterator[tuple[str, list[tuple[str, str]]]]:
@@ -160,16 +151,14 @@ def _rows(name: str) -> Iterator[tuple[str, list[tuple[str, str]]]]:
 
     The head of nouns is the first English word, with a mark: `+red`, `=container`.
     """
-    text = files("palpate.planning.request").joinpath("words", f"{name}.txt")
-    for line in text.read_text(encoding="utf-8").splitlines():
-        if line and not line.startswith("#"):
-            first, *others = line.split("|")
-            head, colon, listed = first.rpartition(":")
-            if not colon:
-                head = first.split()[0]
-                listed = first.lstrip("+")
-            elif head.startswith("="):
-                listed = head[1:]
+    for line in filter(None, _text(name).splitlines()):
+        first, *others = line.split("|")
+        head, colon, listed = first.rpartition(":")
+        if not colon:
+            head, listed = first.split()[0], first.lstrip("+")
+        elif head.startswith("="):
+            listed = head[1:]
+        if not line.startswith("#"):
             yield head, list(zip(LANGUAGES, (listed, *others), strict=True))
 
 
@@ -200,39 +189,22 @@ _AMOUNT = re.compile(
     rf"mezzo|medio|(?:an?|one|two|three|four|five|ten|ein|un|une)(?= \w{{4}})) *-?(?P<unit>{_UNITS})(?!\w)"
 )
 """Number, or its word, with a unit."""
-NUMBERS = {
-    **dict.fromkeys(
-        ("half a", "half an", "halbes", "ein halbes", "un demi", "mezzo", "medio"), "0.5"
-    ),
-    **dict.fromkeys(("a", "an", "one", "ein", "un", "une"), "1"),
-    "two": "2",
-    "three": "3",
-    "four": "4",
-    "five": "5",
-    "ten": "10",
-}
-_SPELT = (
-    (r"kilo.*|chil.*", "kg"),
-    (r"gr.*", "g"),
-    (r"millimet.*", "mm"),
-    (r"centimet.*", "cm"),
-    (r"met.*", "m"),
-    (r"µm", "um"),
-    (r"n/m", "N/m"),
-    (r"n/mm", "kN/m"),
-)
+_NUMBERS = {"two": "2", "three": "3", "four": "4", "five": "5", "ten": "10"}
+_SPELT = {"kilo": "kg", "chil": "kg", "gr": "g", "millimet": "mm", "centimet": "cm", "met": "m"}
+_SPELT |= {"µm": "um", "n/mm": "kN/m", "n/m": "N/m"}
+"""Units by the beginnings of their words."""
 
 
 def amount(text: str) -> str:
     """Return an amount of a request as a number and a unit: "0.5 kg" for "half a kilo"."""
     found = _AMOUNT.search(text)
     assert found is not None
-    unit = found["unit"]
-    for pattern, spelt in _SPELT:
-        if re.fullmatch(pattern, unit):
-            unit = spelt
-            break
-    return f"{NUMBERS.get(found['number'], found['number']).replace(',', '.')} {unit}"
+    number, unit = found["number"], found["unit"]
+    if not number[0].isdigit():
+        half = re.search(r"half|halb|demi|mezzo|medio", number)
+        number = "0.5" if half else _NUMBERS.get(number, "1")
+    spelt = next((to for start, to in _SPELT.items() if unit.startswith(start)), unit)
+    return f"{number.replace(',', '.')} {spelt}"
 
 
 def is_weight(text: str) -> bool:
@@ -269,14 +241,15 @@ def without_accents(word: str) -> str:
     return "".join(letter for letter in apart if not unicodedata.combining(letter))
 
 
+_SINGULARS = "ies:y ves:f ves:fe es: s: x: en: n: er: em: e: ces:z e:a i:o i:e che:ca chi:co ghe:ga"
+"""Endings of plurals, with those of their singulars, the English ones first."""
+
+
 @lru_cache(CACHED)
 def singulars(word: str) -> tuple[str, ...]:
     """Return possible singulars of `word` in any language, itself first."""
     forms = [word]
-    endings = (("ies", "y"), ("ves", "f"), ("ves", "fe"), ("es", ""), ("s", ""), ("x", ""))
-    endings += (("en", ""), ("n", ""), ("er", ""), ("em", ""), ("e", ""), ("ces", "z"))
-    endings += (("e", "a"), ("i", "o"), ("i", "e"), ("che", "ca"), ("chi", "co"), ("ghe", "ga"))
-    for ending, by in endings:
+    for ending, by in (pair.split(":") for pair in _SINGULARS.split()):
         stem = word.removesuffix(ending)
         if stem != word and len(stem) > 1 and not (ending == "s" and stem.endswith("s")):
             forms.append(stem + by)
