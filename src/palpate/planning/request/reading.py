@@ -304,13 +304,14 @@ class Reading:
             self._base = True
             return True
         if part.has("SKIP", "NEEDLESS") and not part.has("MISSING"):
+            self._deny(part, before)
             return False
         if "RESUME" in part.intro:
             return True
         if "EXCEPT" in part.intro:
             return not self._base
-        if denied and part.has("YET") and part.has("DONE"):
-            return True  # "what was never weighed"
+        if _is_unmeasured(part):
+            return True
         if part.states and not question:
             self._base = False
             return False
@@ -323,16 +324,14 @@ class Reading:
             self._base = True
             return False
         if denied:
-            # "The mug not": the denial belongs to the bodies before.
-            bare = not part.things and not part.quantities and before is not None
-            if bare and before and before.things and before.continues and not before.quantities:
-                before.wanted = not self._base
-                if not before.wanted:
-                    self._exclude(before, None)
-                return before.wanted
+            if self._base and self._deny(part, before):
+                return False
             # "It does not wobble" excludes nothing.
-            return not self._base or any(spot.unknown for spot in part.spots)
+            named = part.things and part.spots.index(part.things[0]) < 4
+            return not self._base or (not named and any(spot.unknown for spot in part.spots))
         if before is not None and not before.wanted and part.continues:
+            if part.has("NOW") and part.things:
+                return True  # "the mug is known, now the bottle"
             # "All but the mug: masses", "I know the mug, so do the box".
             listed = "EXCEPT" in before.intro and not self._seen
             if (part.quantities and (listed or ":" in part.intro)) or "BUT" in part.intro:
@@ -345,6 +344,16 @@ class Reading:
             return before.has("NOT", "NEEDLESS") or bool(part.quantities and part.things)
         if part.has(*_VERBS):
             self._base = True
+        return True
+
+    def _deny(self, part: Clause, before: Clause | None) -> bool:
+        """Exclude the bodies before a mere denial, "the mug not"; True if there are any."""
+        if part.things or part.quantities or before is None:
+            return False
+        if not (before.things and before.continues and not before.quantities):
+            return False
+        before.wanted = False
+        self._exclude(before, None)
         return True
 
     def _correct(self, part: Clause) -> None:
@@ -377,13 +386,13 @@ class Reading:
             alone = []
         if not links and not alone and weight and self._alone and not self._quantified:
             self._add("mass", self._alone, False)  # "is the can full? it should be 400 g"
-        unweighed = any(p.has("YET") and p.has("DONE") and p.has("NOT") for p in run)
+        unweighed = any(map(_is_unmeasured, run))
         if not links and unweighed:
             self._add("mass", [], True)
         for one in links:
             self._mentions += [alone] if alone and one is links[0] else []
             things = self._things(one.things)
-            if unweighed or run[one.clause].has("MISSING"):
+            if unweighed or any(part.has("MISSING") for part in run):
                 things = [t for t in things if t.text not in EVERYTHING]
             every = (
                 unweighed
@@ -432,7 +441,8 @@ class Reading:
     def _everything(self, spot: Spot) -> Thing:
         names = tuple(self.resolver.scene.bodies)
         if spot.has("ELSE"):
-            before = {name for things in self._mentions for one in things for name in one.names}
+            before = [one for things in self._mentions for one in things]
+            before = {n for one in before if one.text not in EVERYTHING for n in one.names}
             names = tuple(name for name in names if name not in before | self._named)
         return Thing(EVERYTHING[0], names, plural=True)
 
@@ -573,6 +583,12 @@ class Reading:
 def _is_known(part: Clause) -> bool:
     """True for a clause that states what is known."""
     return part.has("KNOWN") and not part.has("NOT", "TOKNOW", "MISSING")
+
+
+def _is_unmeasured(part: Clause) -> bool:
+    """True for "what was never weighed" and "what has no mass yet"."""
+    done = part.has("DONE") or (part.quantities and not part.things)
+    return part.has("NOT") and part.has("YET") and bool(done)
 
 
 def _ids(spot: Spot) -> tuple[str, ...]:

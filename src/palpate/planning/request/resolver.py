@@ -214,7 +214,7 @@ class Resolver:
         subject = self.catalogue[id].subject
         article = "an" if subject[0] in "aeiou" else "a"
         carriers = ", ".join(self.carriers(id)) or "none here"
-        is_fixed = subject == "object" and things[0].names[0] in self.scene.surfaces
+        is_fixed = subject == "object" and set(things[0].names) & set(self.scene.surfaces)
         hint = f"; {AN_OBJECT}" if is_fixed else ""
         return (
             f"The {self.catalogue[id].label} of '{things[0].text}' cannot be measured: it is measured of "

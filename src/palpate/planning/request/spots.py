@@ -237,6 +237,11 @@ class Spotter:
                 for noun in (head[-1], head[0]):
                     found = self.nouns.find([*text, noun], self.code)
                     names = names or (found.names if found and found.noun else ())
+            prior = next((o for o in reversed(spots[:at]) if o.thing and o.noun), None)
+            if prior and prior.thing and spots[at - 1].has("THATOF", "ONE", "OF"):
+                fits = tuple(n for n in prior.thing.names if n in spot.thing.names)
+                if fits and not prior.thing.plural:
+                    prior.thing = replace(prior.thing, names=fits)  # "the cube, the one of steel"
             objects = tuple(name for name in spot.thing.names if name in self.scene.objects)
             spot.thing = replace(spot.thing, names=names or objects or spot.thing.names)
             spot.noun = True

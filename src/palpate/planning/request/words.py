@@ -177,6 +177,7 @@ _EXPANSIONS = (
     (r"\b(what|who|where|there|here|how|it|that)'s\b|\b(what)s\b", r"\1\2 is"),
     (r"\blet's\b", "let us"),
     (r"[&+](?!/|-)", " and "),
+    (r"[()]", " , "),
     (r"(?<!\S)\(?[\da-h] ?\) |(?:^|\n)\s*(?:[-*•–]|\d{1,2}\.)\s+", " ; "),
 )
 """Expansions of English contractions, and marks of list items."""
@@ -270,8 +271,11 @@ def nearest_spelling(word: str, known: Collection[str]) -> str | None:
         return None
     # Candidates have the same first letter and a similar length; swapped letters come first.
     like = [other for other in known if other[0] == word[0] and abs(len(other) - len(word)) <= 2]
-    swapped = [other for other in like if len(word) > EXACT and sorted(other) == sorted(word)]
-    found = sorted(swapped) or get_close_matches(word, sorted(like), 2, NEAR)
+    if len(word) == EXACT:
+        found = sorted(other for other in like if other[:-1] == word)
+    else:
+        found = sorted(other for other in like if sorted(other) == sorted(word))
+        found = found or get_close_matches(word, sorted(like), 2, NEAR)
     return found[0] if found else None
 
 
