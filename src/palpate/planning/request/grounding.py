@@ -233,7 +233,13 @@ def _refuse(sentences: Sequence[Sentence], resolver: Resolver) -> None:
                 raise resolver.not_understood([one.text(spot)])
             if _is_part(spots, at) and any(spot.is_quantity for spot in spots):
                 raise resolver.not_understood([one.text(spot)])
-            if spot.has("OR") and not is_comparison(one) and _joins_bodies(spots, at):
+            denied = any(other.has("EXCEPT", "NOT") for other in spots[:at])
+            if (
+                spot.has("OR")
+                and not denied
+                and not is_comparison(one)
+                and _joins_bodies(spots, at)
+            ):
                 raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
 
 

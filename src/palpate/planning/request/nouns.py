@@ -169,7 +169,10 @@ class Nouns:
                 continue
             known = languages()[code].nouns
             if not {word, without_accents(word)} & known.keys() and any(
-                form in known or f"{form}*" in known or form in self.names or any(_ends(own, form) for own in self.names)
+                form in known
+                or f"{form}*" in known
+                or form in self.names
+                or any(_ends(own, form) for own in self.names)
                 for form in (*singulars(word), *singulars(without_accents(word)))
             ):
                 return True

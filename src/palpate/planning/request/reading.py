@@ -74,12 +74,13 @@ class Clause:
 
 def clauses(spots: Sequence[Spot]) -> list[Clause]:
     """Cut a sentence into clauses."""
-    found = [Clause()]
+    found, excepts = [Clause()], False
     for at, spot in enumerate(spots):
         last, part = spots[at - 1] if at else None, found[-1]
         resumes = spot.has("W", "MISSING", "WANT", "MEASURE", "F") and not spot.has("DET")
-        if "EXCEPT" in part.intro and part.things and (resumes or spot.has(":")):
-            # "Everything except the mug must be weighed."
+        excepts = "EXCEPT" in part.intro or (excepts and part.intro <= {"AND", "OR", ","})
+        if excepts and part.things and (resumes or spot.has(":")):
+            # "Everything except the mug and the bottle must be weighed."
             found.append(Clause(frozenset({"RESUME"})))
         asks = last is not None and last.has("TOKNOW", "MEASURE", "IDEA", "AND", "OR", ",")
         if spot.has("COND") and part.quantities and not asks:
@@ -198,7 +199,8 @@ def _attach(links: Sequence[Link], at: int, run: Sequence[Clause], spots: Sequen
     else:
         same = following is not None and following.clause == one.clause
         chosen = before if before is not None and (before.after or following is None) else following
-        if chosen is not None and not (same and chosen is following):
+        landmark = _is_landmark(spots, one.things[0])
+        if chosen is not None and not landmark and not (same and chosen is following):
             chosen.things += one.things
             one.things = []
 
@@ -321,7 +323,7 @@ class Reading:
         if denied and (part.has("IDEA", "TOKNOW") or (self.compares and question)):
             return True
         if denied and part.has("WANT", "W", "MEASURE", "DEED", "MISSING", "DONE"):
-            self._base = True
+            self._base = not part.has("NONE", "EVERYTHING")  # "nothing but the mug"
             return False
         if denied:
             if self._base and self._deny(part, before):
@@ -392,8 +394,8 @@ class Reading:
         for one in links:
             self._mentions += [alone] if alone and one is links[0] else []
             things = self._things(one.things)
-            if unweighed or any(part.has("MISSING") for part in run):
-                things = [t for t in things if t.text not in EVERYTHING]
+            if unweighed or any(map(_is_missing, run)):
+                things = [t for t in things if not self._is_whole(t)]
             every = (
                 unweighed
                 or (bool(one.things) and not things)
@@ -464,7 +466,8 @@ class Reading:
         return found
 
     def _is_whole(self, thing: Thing) -> bool:
-        return set(thing.names) >= set(self.resolver.scene.objects)
+        objects = set(self.resolver.scene.objects)
+        return len(objects) > 1 and set(thing.names) >= objects
 
     def _add(self, id: str, things: list[Thing], every: bool) -> None:
         """Ask for a quantity of bodies, else of the last mentioned ones, else of all."""
@@ -492,7 +495,10 @@ class Reading:
     def _exclude(self, part: Clause, named: Clause | None) -> None:
         """Exclude the parameters of a clause; `named` has the bodies before it, if wanted."""
         things = [one for one in self._things(part.things) if one.names]
-        things += [self._everything(spot) for spot in part.spots if spot.has("EVERYTHING", "ELSE")]
+        for spot, after in zip(part.spots, [*part.spots[1:], None], strict=True):
+            # An unknown word after "anything" restricts it.
+            if spot.has("EVERYTHING", "ELSE") and not (after is not None and after.unknown):
+                things.append(self._everything(spot))
         ids = [id for spot in part.quantities for id in _ids(spot)]
         for spot in part.quantities:
             spot.used = True
@@ -527,14 +533,13 @@ class Reading:
         named = {name for things in wished for thing in things for name in thing.names}
         excluded: set[Parameter] = set()
         for ids, things in self._excluded:
-            specific = [
-                replace(one, names=tuple(set(one.names) - named)) if one.text in EVERYTHING else one
-                for one in things
-            ]
             for id in ids or [None]:
-                excluded.update(
-                    self.resolver.exclusions(id, specific) if specific or not things else ()
-                )
+                for thing in things or [
+                    Thing(EVERYTHING[0], tuple(self.resolver.carriers(ids[0])))
+                ]:
+                    found = self.resolver.exclusions(id, thing)
+                    general = thing.text in EVERYTHING
+                    excluded.update(one for one in found if not general or one.object not in named)
         asked = self.resolver.order_parameters(self.asked)
         self.wanted = tuple(one for one in asked if one not in excluded)
 
@@ -585,6 +590,11 @@ def _is_known(part: Clause) -> bool:
     return part.has("KNOWN") and not part.has("NOT", "TOKNOW", "MISSING")
 
 
+def _is_missing(part: Clause) -> bool:
+    """True for "that is missing" and "that is not given"."""
+    return part.has("MISSING") or (part.has("NOT") and part.has("KNOWN"))
+
+
 def _is_unmeasured(part: Clause) -> bool:
     """True for "what was never weighed" and "what has no mass yet"."""
     done = part.has("DONE") or (part.quantities and not part.things)
@@ -614,12 +624,19 @@ def _has_its(spots: Sequence[Spot], spot: Spot) -> bool:
     return at > 0 and spots[at - 1].has("ITS") and not spots[at - 1].has("DET")
 
 
+def _is_landmark(spots: Sequence[Spot], spot: Spot) -> bool:
+    """True for a body after a relation: "off the board"."""
+    before = [one for one in spots[: spots.index(spot)] if not one.has("DET")][-1:]
+    return any(one.has("REL") and not one.has("OF", "F") for one in before)
+
+
 def _binds_back(spots: Sequence[Spot], members: Sequence[Spot]) -> bool:
     """True if quantities belong to the bodies before them, not to those after."""
     first, end = spots.index(members[0]), spots.index(members[-1])
     before = spots[first - 1]
     verb = members[-1].has("W") and before.thing is None and not before.has("NOT")
-    if (end + 1 < len(spots) and spots[end + 1].has("OF", "REL")) or verb:
+    following = spots[end + 1] if end + 1 < len(spots) else members[-1]
+    if following.has("OF") or (following.has("REL") and members[-1].has("N")) or verb:
         return False
     return before.thing is not None or before.has("'S", "W", "F")
 

@@ -81,19 +81,13 @@ class Resolver:
         """True if one of the bodies can have the quantity."""
         return self._any_carries(things, self._meant(id, things))
 
-    def exclusions(self, id: str | None, things: Sequence[Thing]) -> list[Parameter]:
-        """Return the parameters that "except …" or "we know …" excludes.
+    def exclusions(self, id: str | None, thing: Thing) -> list[Parameter]:
+        """Return the parameters of bodies that "except …" or "we know …" excludes.
 
-        Without a quantity, all quantities of the bodies are excluded; without bodies, the quantity of
-        all. An ambiguous mention excludes all of its bodies.
+        Without a quantity, these are all quantities. An ambiguous mention excludes all of its bodies.
         """
-        ids = list(self.catalogue) if id is None else [self._meant(id, things)]
-        names = [name for thing in things for name in thing.names]
-        return [
-            Parameter(name, one)
-            for one in ids
-            for name in (names if things else self.carriers(one))
-        ]
+        ids = list(self.catalogue) if id is None else [self._meant(id, [thing])]
+        return [Parameter(name, one) for one in ids for name in thing.names]
 
     def missing(self, things: Sequence[Thing]) -> tuple[list[Parameter], str]:
         """Return the missing parameters of the bodies, or of all bodies, with a remark.

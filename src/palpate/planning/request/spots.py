@@ -221,6 +221,8 @@ class Spotter:
             return introduced and (not classes or ("SEL" in classes and bool(phrase.names)))
         if not classes or set(classes) <= {"PART"}:
             return bool(phrase.names) or "PART" not in classes
+        if not phrase.names:
+            return before.has("DET", "OF") and "DEED" in classes
         return before.has(*_BEFORE_NOUN) or before.thing is not None
 
     def _complete(self, spots: list[Spot]) -> None:
@@ -336,6 +338,9 @@ class Spotter:
             if not one.has("DET", "F", "SEL"):
                 break
         _use(sides)
+        wide = self.nouns.find(thing.text.split(), self.code) if sides else None
+        if wide is not None and len(wide.names) > 1 and len(thing.names) == 1:
+            thing = replace(thing, names=wide.names)  # `left_box` is not "the left box"
         if sides and len(thing.names) > 1:
             return self._at_side(sides[0], thing.names, thing.text)
         return thing
@@ -349,7 +354,7 @@ class Spotter:
                     found = self.nouns.find(said, self.code)
                     spot.thing = Thing(" ".join(said), found.names if found else (), plural=True)
                     spot.classes, one.used = {}, True
-                if not one.has("DET", "F", "OF", "HOW", "SOMETHING", "REL"):
+                if not one.unknown and not one.has("DET", "F", "OF", "HOW", "SOMETHING", "REL"):
                     break
 
     def _is_unmarked(self, spots: Sequence[Spot], at: int, thing: Thing) -> bool:
@@ -376,6 +381,9 @@ class Spotter:
 
     def _relate(self, spots: list[Spot]) -> None:
         """Restrict bodies by a relation to others: "the box next to the mug"."""
+        acts = any(spot.classes.get("DEED") == "" for spot in spots)
+        if acts and not any(spot.is_quantity for spot in spots):
+            return  # "put the mug on the box"
         for at, spot in enumerate(spots):
             if not spot.has("REL") or spot.used:
                 continue
