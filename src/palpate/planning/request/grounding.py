@@ -150,26 +150,22 @@ def _sentence(part: tuple[list[str], bool], spotter: Spotter) -> Sentence:
 def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
     """Mark nouns without a body where a body is expected; elsewhere they mean nothing."""
     for at, spot in enumerate(spots):
-        if not (spot.unknown or (spot.thing is not None and not spot.thing.names)):
+        known = spot.thing is not None
+        if spot.thing.names if spot.thing is not None else not spot.unknown:
             continue
         start = at
-        while (
-            start and spots[start - 1].has("DET", "NUM", "ALL") and spots[start - 1].thing is None
-        ):
+        while start and spots[start - 1].has("DET", "NUM", "ALL") and not spots[start - 1].thing:
             start -= 1
-        known = spot.thing is not None
-        before = spots[start - 1] if start else None
-        expected = before is not None and (start < at or known) and _expects_body(spots, start - 1)
-        following = spots[at + 1] if at + 1 < len(spots) else None
-        if expected and before is not None and before.has("AND", "OR", ","):
-            expected = following is None or following.has(",", "AND", "OR", "W", "F", "REL")
+        before, after = spots[:start][-2:], spots[at + 1 : at + 2]
         named = any(one.has("PRONOUN") or (one.thing and one.thing.names) for one in spots)
-        expected = expected or (not named and any(one.has("NUM") for one in spots[start:at]))
-        if not expected and (start < at or known) and following is not None:
-            expected = following.has("W", "'S", "N") and not named
+        first, last = (before or [spot])[0], (before or [spot])[-1]
+        asked = last.has("W") or (last.has("F") and first.has("A", "C"))
+        asked = asked or (last.has("OF") and first.is_quantity and not last.has("FOR"))
+        listed = known and first.thing and last.has("AND", ",", "OR")
+        expected = asked or listed or (not named and any(o.has("W", "'S", "N") for o in after))
+        expected = expected and (start < at or known)
         if expected and words[spot.start].isalpha():
-            text = " ".join(words[spot.start : spot.end])
-            spot.thing = Thing(text, (), known=known)
+            spot.thing = Thing(" ".join(words[spot.start : spot.end]), (), known=known)
         else:
             spot.thing, spot.classes = None, {}
 
@@ -187,19 +183,6 @@ def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
         before = [words[one.end - 1] for one in spots[max(start - 2, 0) : start]]
         if before[-1:] == ["with"] and before[0] not in ("together", "along"):
             spot.thing, spot.classes = None, {}
-
-
-def _expects_body(spots: Sequence[Spot], at: int) -> bool:
-    """True if a body follows this position: after "mass of", "weigh", "how heavy is", "the mug and"."""
-    spot = spots[at]
-    if spot.has("W"):
-        return True
-    if spot.has("OF"):
-        return at > 0 and spots[at - 1].is_quantity and not spot.has("FOR")
-    if spot.has("AND", "OR", ","):
-        thing = spots[at - 1].thing if at else None
-        return thing is not None and bool(thing.names)
-    return spot.has("F") and at > 0 and spots[at - 1].has("A", "C")
 
 
 def _is_bare(sentence: Sentence) -> bool:
@@ -226,20 +209,23 @@ def _refuse(sentences: Sequence[Sentence], resolver: Resolver) -> None:
     """
     simulates = any(one.has("SIMULATE") for one in sentences)
     for one in sentences:
-        spots = one.spots
+        spots, quantified = one.spots, any(spot.is_quantity for spot in one.spots)
         for at, spot in enumerate(spots):
-            otherwise = spot.has("OPEN") or _is_past(spots, at) or _is_choice(spots, at)
-            if otherwise or (_is_deed(spots, at) and not simulates):
+            before = spots[at - 1] if at else None
+            after = next(
+                (other for other in spots[at + 1 :] if other.thing or not other.has("DET")), spot
+            )
+            # "How heavy was the mug", "one of the boxes".
+            past = spot.has("PAST") and (before is None or before.has("A", "C", "W", "F"))
+            otherwise = after.thing is not None and (past or spot.has("CHOICE"))
+            deed = _is_deed(spots, at) and not simulates
+            if otherwise or deed or spot.has("OPEN") or (quantified and _is_part(spots, at)):
                 raise resolver.not_understood([one.text(spot)])
-            if _is_part(spots, at) and any(spot.is_quantity for spot in spots):
-                raise resolver.not_understood([one.text(spot)])
+            joins = any(other.thing for other in spots[:at]) and any(
+                other.thing for other in spots[at + 1 : at + 4]
+            )
             denied = any(other.has("EXCEPT", "NOT") for other in spots[:at])
-            if (
-                spot.has("OR")
-                and not denied
-                and not is_comparison(one)
-                and _joins_bodies(spots, at)
-            ):
+            if spot.has("OR") and joins and not denied and not is_comparison(one):
                 raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
 
 
@@ -256,48 +242,20 @@ def _is_deed(spots: Sequence[Spot], at: int) -> bool:
     return before is None or before.has(",", "AND", "COND") or (at == 1 and before.has("F"))
 
 
-def _is_past(spots: Sequence[Spot], at: int) -> bool:
-    """True for "how heavy was the mug" and "will the mug weigh"."""
-    if not spots[at].has("PAST"):
-        return False
-    before = spots[at - 1] if at else None
-    after = next((one for one in spots[at + 1 :] if not one.has("DET") or one.thing), None)
-    asked = before is None or before.has("A", "C", "W", "F")
-    return asked and after is not None and after.thing is not None
-
-
-def _is_choice(spots: Sequence[Spot], at: int) -> bool:
-    """True for "one of the boxes" and "any box"."""
-    rest = [one for one in spots[at + 1 : at + 4] if not one.has("DET") or one.thing]
-    return spots[at].has("CHOICE") and bool(rest) and rest[0].thing is not None
-
-
 def _is_part(spots: Sequence[Spot], at: int) -> bool:
     """True for a part of a body: "the lid of the mug", "the mug's handle"."""
     spot = spots[at]
-    part = spot.has("PART") or spot.unknown or (spot.thing is not None and not spot.thing.names)
-    if not part or spot.has("DEED"):
+    absent = spot.unknown or (spot.thing is not None and not spot.thing.names)
+    if not (spot.has("PART") or absent) or spot.has("DEED"):
         return False
     after = [one for one in spots[at + 1 : at + 4] if not one.has("DET") or one.has("OF")]
-    owned = len(after) > 1 and after[0].has("OF", "REL") and after[1].thing is not None
-    owned = owned and (spot.has("PART") or after[0].has("OF"))
-    first = at
-    while first and spots[first - 1].unknown:
-        first -= 1
-    noun = first > 0 and spots[first - 1].has("DET", "OF")
-    if owned and noun:
+    owned = len(after) > 1 and after[1].thing is not None
+    owned = owned and (after[0].has("OF") or (spot.has("PART") and after[0].has("REL")))
+    noun = next((one for one in reversed(spots[:at]) if not one.unknown), spot)
+    before = spots[at - 1] if at else Spot(0, 0)
+    if (owned and noun is not spot and noun.has("DET", "OF")) or before.has("'S"):
         return True
-    if at == 0:
-        return False
-    before = spots[at - 1]
-    if before.has("'S") or (spot.has("PART") and before.has("ITS")):
-        return True
-    return spot.has("PART") and before.thing is not None
-
-
-def _joins_bodies(spots: Sequence[Spot], at: int) -> bool:
-    before = any(one.thing for one in spots[:at])
-    return before and any(one.thing for one in spots[at + 1 : at + 4])
+    return spot.has("PART") and (before.has("ITS") or before.thing is not None)
 
 
 def _unfelt(sentences: Sequence[Sentence], resolver: Resolver) -> Iterator[str]:
