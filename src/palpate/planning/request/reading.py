@@ -115,25 +115,21 @@ def clauses(spots: Sequence[Spot]) -> list[Clause]:
     return [one for one in found if one.spots]
 
 
-@dataclass(slots=True)
+@dataclass(slots=True, eq=False)
 class Link:
     """Quantities and bodies that belong together.
 
     Attributes:
         quantities, things: their words; a link without one of them is incomplete.
         after: the bodies follow the quantities.
-        clause: number of its clause.
+        clause: number of its clause, which `joined` with "and".
     """
 
     quantities: list[Spot]
     things: list[Spot]
     after: bool
     clause: int
-
-    @property
-    def is_complete(self) -> bool:
-        """True with quantities and bodies."""
-        return bool(self.quantities and self.things)
+    joined: bool
 
 
 def pair(run: Sequence[Clause], spots: Sequence[Spot], *, compares: bool) -> list[Link]:
@@ -143,62 +139,53 @@ def pair(run: Sequence[Clause], spots: Sequence[Spot], *, compares: bool) -> lis
     continue the list: "the mass of the mug, the box and the friction of the bottle".
     """
     links: list[Link] = []
-    for number, part in enumerate(run):
-        joined = links if ":" in part.intro and links and not links[-1].is_complete else []
-        groups = [list(ones) for _, ones in groupby(filter(_is_named, part.spots), _is_thing)]
-        at = 0
-        while at < len(groups):
-            first, second = groups[at], groups[at + 1] if at + 1 < len(groups) else []
-            third = groups[at + 2] if at + 2 < len(groups) else []
+    units: list[list[Spot]] = []
+    for part in run:
+        kinds = {_is_thing(one) for one in filter(_is_named, units[-1] if units else [])}
+        if ":" in part.intro and len(kinds) == 1:
+            units[-1] += part.spots  # "mug: mass"
+        else:
+            units.append([*part.spots])
+    for number, unit in enumerate(units):
+        groups = [list(ones) for _, ones in groupby(filter(_is_named, unit), _is_thing)]
+        while groups:
+            first, second, third = (*groups, [], [])[:3]
             if _is_thing(first[0]) and third and not _binds_back(spots, second):
                 second = []  # "for the mug, measure the mass of the bottle"
-            members = [*first, *second]
-            quantities = [one for one in members if not _is_thing(one)]
-            links.append(
-                Link(quantities, [o for o in members if _is_thing(o)], first == quantities, number)
-            )
-            at += 2 if second else 1
-        if joined and groups:
-            _join(links, run)
-    complete = [one for one in links if one.is_complete]
+            things, quantities = (first, second) if _is_thing(first[0]) else (second, first)
+            begins = any("AND" in part.intro and part.spots[0] is unit[0] for part in run)
+            links.append(Link(quantities, things, first is quantities, number, begins))
+            del groups[: 2 if second else 1]
+    complete = [one for one in links if one.quantities and one.things]
     if compares or not complete:
-        every = [Link([], [], True, 0)] if links else []
+        every = [Link([], [], True, 0, False)] if links else []
         for one in links:
             every[0].quantities += one.quantities
             every[0].things += one.things
         return every
     for at, one in enumerate(links):
-        if not one.is_complete:
-            _attach(links, at, run, spots)
+        if one not in complete:
+            _attach(links, at, complete, spots)
     return [one for one in links if one.quantities or one.things]
 
 
-def _join(links: list[Link], run: Sequence[Clause]) -> None:
-    """Join the links around a colon: "mug: mass"."""
-    at = next(k for k, one in enumerate(links) if ":" in run[one.clause].intro)
-    first, second = links[at - 1], links[at]
-    if bool(first.things) != bool(second.things):
-        after = bool(first.quantities)
-        things, quantities = first.things + second.things, first.quantities + second.quantities
-        links[at - 1 : at + 1] = [Link(quantities, things, after, second.clause)]
-
-
-def _attach(links: Sequence[Link], at: int, run: Sequence[Clause], spots: Sequence[Spot]) -> None:
+def _attach(
+    links: Sequence[Link], at: int, complete: Sequence[Link], spots: Sequence[Spot]
+) -> None:
     """Move the members of an incomplete link to the complete one that it continues."""
     one = links[at]
-    before = next((o for o in reversed(links[:at]) if o.is_complete), None)
-    following = next((o for o in links[at + 1 :] if o.is_complete), None)
+    before = next((o for o in reversed(links[:at]) if o in complete), None)
+    following = next((o for o in links[at + 1 :] if o in complete), None)
     if one.quantities:
         its = _has_its(spots, one.quantities[0])
-        joins = following is not None and following.after and "AND" in run[following.clause].intro
-        chosen = before if its or not joins else following
-        chosen = chosen or (None if its else following)
+        joins = following is not None and following.after and following.joined and not its
+        chosen = following if joins else before or (None if its else following)
         if chosen is not None:
             chosen.quantities += one.quantities
             one.quantities = []
     else:
         same = following is not None and following.clause == one.clause
-        chosen = before if before is not None and (before.after or following is None) else following
+        chosen = before if before and (before.after or following is None) else following
         landmark = _is_landmark(spots, one.things[0])
         if chosen is not None and not landmark and not (same and chosen is following):
             chosen.things += one.things

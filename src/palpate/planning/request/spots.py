@@ -173,11 +173,7 @@ class Spotter:
         modal = phrase is not None and length > phrase.length and phrase.noun
         if phrase is not None and not modal and self._is_noun(words, at, classes, found, phrase):
             thing = Thing(" ".join(words[at : at + phrase.length]), phrase.names, phrase.plural)
-            if (
-                phrase.inexact
-                and self.code == "en"
-                and not {"object", "thing"} & {word, f"{word}s"}
-            ):
+            if phrase.inexact and self.code == "en" and word.rstrip("s") not in ("object", "thing"):
                 means = " and ".join(f"'{name}'" for name in phrase.names)
                 verb = "are taken to be" if phrase.plural else "is taken for"
                 self.remarks.append(f"'{thing.text}' {verb} {means}.")
@@ -284,28 +280,17 @@ class Spotter:
         if effort and moved is not None:
             # "How hard is it to open?"
             effort[0].classes, moved.classes = {"A": moved.classes["MOVED"]}, {"F": ""}
-        roles = {
-            self.scene.bodies[n].role
-            for s in spots
-            if s.thing
-            for n in s.thing.names
-            if n in self.scene.bodies
-        }
+        mentioned = {name for one in spots if one.thing for name in one.thing.names}
+        is_fixture = bool(mentioned) and mentioned <= set(self.scene.fixtures)
         for before, spot, after in zip([None, *spots], spots, [*spots[1:], None], strict=False):
             others = any(one.is_quantity for one in spots if one is not spot)
             if spot.has("DEED") and spot.has("N") and after is not None and after.has("OF"):
                 spot.classes = {"N": spot.classes["N"]}  # "the grip of the mug"
             elif spot.has("KNOWN") and after and after.unknown and not done:
                 spot.classes = {"F": ""}  # "I have lost the data sheet"
-            elif spot.classes.get("UNFELT") == "viscosity" and roles == {"fixture"}:
+            elif spot.classes.get("UNFELT") == "viscosity" and is_fixture:
                 spot.classes = {"A": "damping"}
-            elif (
-                others
-                and spot.has("SEL")
-                and spot.is_quantity
-                and after is not None
-                and after.thing
-            ):
+            elif others and after and after.thing and spot.has("SEL") and spot.is_quantity:
                 spot.classes = {"SEL": spot.classes["SEL"]}  # "the mass of the tallest can"
             elif others and spot.has("A") and before is not None and before.has("'S"):
                 spot.classes = {"F": ""}  # "how stiff the drawer's slide is"
@@ -358,13 +343,10 @@ class Spotter:
                     break
 
     def _is_unmarked(self, spots: Sequence[Spot], at: int, thing: Thing) -> bool:
-        """True for a German noun that may be a plural without an ending: "die Würfel", "Massen der Hammer"."""
-        determined = at > 0 and spots[at - 1].has("DET")
-        before = spots[at - 2] if at > 1 and determined else None
+        """True for a German noun that may be a plural: "Würfel wiegen", "Massen der Werkzeuge"."""
         plural = any(one.has("PLURAL") for one in spots[:at])
-        return thing.text.endswith(("e", "el", "er", "en")) and (
-            plural or (not determined and before is None)
-        )
+        bare = at == 0 or not spots[at - 1].has("DET")
+        return thing.text.endswith(("e", "el", "er", "en")) and (plural or bare)
 
     def _at_side(self, side: Spot, names: Sequence[str], text: str) -> Thing:
         name, remark = farthest(side.classes["SEL"], names, self.scene, text)
