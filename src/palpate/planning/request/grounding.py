@@ -328,28 +328,11 @@ def _is_dead(spot: Spot) -> bool:
     )
 
 
-_SYMBOLS = (
-    ("!", ("COND", "OPEN", "PART", "CORRECT", "CHOICE", "PAST", "RATHER")),
-    ("d", ("SIMULATE",)),
-    ("k", ("KNOWN", "IDEA")),
-    ("x", ("EXCEPT",)),
-    ("n", ("NOT",)),
-    ("l", ("SKIP", "NEEDLESS")),
-    ("c", ("C", "MORE")),
-    ("t", ("THAN", "ABOVE", "BELOW")),
-    ("w", ("W",)),
-    ("q", ("N", "INERTIAL", "UNIT", "UNFELT")),
-    ("a", ("A",)),
-    ("e", ("EVERYTHING", "ELSE")),
-    ("z", ("MISSING", "VAGUE")),
-    ("&", ("AND", ",", "BUT", ":", "TOGETHER")),
-    ("o", ("OR",)),
-    ("r", ("THATOF",)),
-    ("f", ("OF",)),
-    ("i", ("ITS", "PRONOUN")),
-    ("9", ("AMOUNT",)),
-    ("h", ("HOW",)),
-)
+_SYMBOLS = """
+! COND OPEN PART CORRECT CHOICE PAST RATHER | d SIMULATE | k KNOWN IDEA | x EXCEPT | n NOT | l SKIP NEEDLESS
+| c C MORE | t THAN ABOVE BELOW | w W | q N INERTIAL UNIT UNFELT | a A | e EVERYTHING ELSE | z MISSING VAGUE
+| & AND , BUT : TOGETHER | o OR | r THATOF | f OF | i ITS PRONOUN | 9 AMOUNT | h HOW
+"""
 """Symbols of classes in the forms of sure sentences, the most significant first."""
 _THINGS = r"(?:[fr]*[Te](?:[&fr]+[Te])*)"
 _PLAIN = r"(?:[Te](?:&+[Te])*)"
@@ -384,7 +367,7 @@ def is_sure(sentence: Sentence) -> bool:
 
 def _symbols(sentence: Sentence) -> str:
     """Return the form of a sentence; small words and places have no symbol."""
-    symbols = ""
+    form, symbols = "", [row.split() for row in _SYMBOLS.split("|")]
     simulates = sentence.has("DEED")
     for at, spot in enumerate(sentence.spots):
         purpose = any(one.has("SIMULATE") for one in sentence.spots[at + 1 : at + 3])
@@ -392,17 +375,17 @@ def _symbols(sentence: Sentence) -> str:
             continue  # "for our simulation"
         if spot.has("AMOUNT") and (sentence.has("WIDTH") or spot.classes["AMOUNT"][0] in "±+"):
             continue  # "± 1 g"
-        pronoun = spot.has("ONE") and symbols[-1:] == "T" and spot.thing is None
-        if pronoun or (spot.has("FLOOR") and symbols[-1:] == "q"):
+        pronoun = spot.has("ONE") and form[-1:] == "T" and spot.thing is None
+        if pronoun or (spot.has("FLOOR") and form[-1:] == "q"):
             continue  # "the red one"
         if spot.thing is not None and not spot.has("MARK"):
-            symbols += "T"
+            form += "T"
         elif spot.unknown:
-            symbols += "?"
+            form += "?"
         elif spot.has("REL") and not spot.used:
-            symbols += "" if sentence.has("SIMULATE") else "?"
+            form += "" if sentence.has("SIMULATE") else "?"
         elif spot.has("SIMULATE") and not simulates:
             continue
         elif not spot.has("MARK", "REL"):
-            symbols += next((one for one, names in _SYMBOLS if spot.has(*names)), "")
-    return symbols
+            form += next((one for one, *names in symbols if spot.has(*names)), "")
+    return form

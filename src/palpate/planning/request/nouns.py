@@ -98,7 +98,7 @@ class Nouns:
         for length in range(LONGEST_NAME, 0, -1):
             part = tuple(said[at : at + length])
             exact = tuple(name for name, one in self.words.items() if one.own == part)
-            if exact and len(part) == length and not self._goes_on(said, at + length, exact):
+            if exact and len(part) == length:
                 return Phrase(length, exact)
         best: Phrase | None = None
         for length in range(1, LONGEST_NAME + 1):
@@ -115,17 +115,6 @@ class Nouns:
             if found and (best is None or found.names or not best.names or length == 2):
                 best = found
         return best
-
-    def _goes_on(self, said: Sequence[str], at: int, names: Sequence[str]) -> bool:
-        """True if a longer name continues: "box" is not the end of "box b"."""
-        return any(
-            len(one.own) > 1
-            and at < len(said)
-            and said[at] == one.own[-1]
-            and said[at - 1] in one.own[:-1]
-            for name, one in self.words.items()
-            if name not in names
-        )
 
     def find(self, part: Sequence[str], code: str) -> Phrase | None:
         """Return the bodies that all words describe; None if one word describes nothing."""

@@ -295,8 +295,6 @@ class Reading:
         if part.has("SKIP", "NEEDLESS") and not part.has("MISSING"):
             self._deny(part, before)
             return False
-        if "RESUME" in part.intro:
-            return True
         if "EXCEPT" in part.intro:
             return not self._base
         if _is_unmeasured(part):
