@@ -34,6 +34,8 @@ from palpate.planning.request.spots import Spot, Spotter, Thing
 from palpate.planning.request.words import amount, spoken, tokens
 from palpate.scene.scene import Scene
 
+_JOINED = ("together", "along", "one", "ones", "those")
+"""Words after which "with" names no tool."""
 LONGEST = 60
 """Maximum number of words in a sentence."""
 
@@ -180,8 +182,8 @@ def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
         start = at
         while start and spots[start - 1].has("DET", "ITS") and spots[start - 1].thing is None:
             start -= 1
-        before = [words[one.end - 1] for one in spots[max(start - 2, 0) : start]]
-        if before[-1:] == ["with"] and before[0] not in ("together", "along"):
+        before = [" ".join(words[one.start : one.end]) for one in spots[max(start - 2, 0) : start]]
+        if before[-1:] == ["with"] and before[0] not in _JOINED:
             spot.thing, spot.classes = None, {}
 
 
@@ -322,7 +324,7 @@ def _is_dead(spot: Spot) -> bool:
     if spot.thing is not None:
         return not spot.used
     return (
-        spot.has("UNFELT", "PART", "DEED")
+        spot.has("UNFELT", "PART", "DEED", "ADJ")
         and not spot.used
         and not spot.has("W", "A", "F", "MEASURE")
     )

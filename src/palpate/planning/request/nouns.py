@@ -72,9 +72,7 @@ class _Words:
         self.shapes = self.said - frozenset(self.own)
         whole = "_".join(self.own)
         self.concepts = frozenset(c for word in {*self.said, whole} for c in _all_concepts(word))
-        self.usual = frozenset(
-            c for w in (*self.heads, whole) for c in (*_all_concepts(w), *_compound_concepts(w))
-        )
+        self.usual = frozenset(c for w in (*self.heads, whole) for c in _all_concepts(w))
 
 
 class Nouns:
@@ -252,14 +250,6 @@ def _all_concepts(word: str) -> tuple[str, ...]:
         for each in languages().values()
         for concept in each.concepts(form)
     )
-
-
-def _compound_concepts(word: str) -> tuple[str, ...]:
-    """Return the concepts of the head of a compound name: bottle for `leimflasche`."""
-    for at in range(3, len(word) - 2):
-        if _BEFORE.fullmatch(word[:at]) and (found := languages()["de"].nouns.get(word[at:])):
-            return tuple(found)
-    return ()
 
 
 def _is_adjective(word: str) -> bool:

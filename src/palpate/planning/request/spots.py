@@ -134,13 +134,14 @@ class Spotter:
             if (noun := "_".join(words[at : at + length])) in self.language.nouns:
                 words[at : at + length] = [noun]  # "chiave inglese"
                 return
-        compound = self.code == "de" and word not in names and word not in self.language.words
+        known = names | self.language.words
+        compound = self.code == "de" and known.isdisjoint(singulars(word))
         parts = self.language.parts(word) if compound else None
         if parts is not None and (not self._is_known(words, at) or self.language.is_noun(parts[1])):
             words[at : at + 1] = list(parts)
         elif self._is_known(words, at):
             return
-        elif meant := nearest_spelling(word, names | self.language.words):
+        elif meant := nearest_spelling(word, known):
             self.slips[word] = words[at] = meant
         elif self.code == "de":
             # The head of a compound: "Kasten" for "Probenkasten".
@@ -212,8 +213,10 @@ class Spotter:
         before = found[-1] if found else Spot(0, 0)
         if not phrase.noun:
             # "The one of steel".
-            made_of = len(found) > 1 and found[-2].has("DET", "THATOF", "ONE", "AND", "OR")
-            introduced = before.has(*_BEFORE_ADJECTIVE) or (before.has("OF") and made_of)
+            ones = ("DET", "THATOF", "ONE", "AND", "OR", "SOMETHING")
+            made_of = len(found) > 1 and found[-2].has(*ones)
+            of = before.has("OF") or (at > 0 and words[at - 1] in _WITH)
+            introduced = before.has(*_BEFORE_ADJECTIVE) or (of and made_of)
             return introduced and (not classes or ("SEL" in classes and bool(phrase.names)))
         if not classes or set(classes) <= {"PART"}:
             return bool(phrase.names) or "PART" not in classes
@@ -288,6 +291,8 @@ class Spotter:
                 spot.classes = {"N": spot.classes["N"]}  # "the grip of the mug"
             elif spot.has("KNOWN") and after and after.unknown and not done:
                 spot.classes = {"F": ""}  # "I have lost the data sheet"
+            elif spot.has("MORE") and after and after.thing and before and before.has("DET"):
+                spot.classes = {"F": ""}  # "of the same box"
             elif spot.classes.get("UNFELT") == "viscosity" and is_fixture:
                 spot.classes = {"A": "damping"}
             elif others and after and after.thing and spot.has("SEL") and spot.is_quantity:
@@ -344,7 +349,7 @@ class Spotter:
 
     def _is_unmarked(self, spots: Sequence[Spot], at: int, thing: Thing) -> bool:
         """True for a German noun that may be a plural: "Würfel wiegen", "Massen der Werkzeuge"."""
-        plural = any(one.has("PLURAL") for one in spots[:at])
+        plural = any(one.has("PLURAL", "MANY") for one in spots[:at])
         bare = at == 0 or not spots[at - 1].has("DET")
         return thing.text.endswith(("e", "el", "er", "en")) and (plural or bare)
 

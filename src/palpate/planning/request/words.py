@@ -84,7 +84,9 @@ class Language:
 
     def is_noun(self, word: str) -> bool:
         """True for a noun of the list, not for an adjective."""
-        return any(not one.startswith("+") for one in self.nouns.get(word, ()))
+        return any(
+            not one.startswith("+") for form in singulars(word) for one in self.nouns.get(form, ())
+        )
 
     def parts(self, word: str) -> tuple[str, str] | None:
         """Split a compound noun whose two parts are known: "Tischhöhe"; None for other words."""
