@@ -32,6 +32,6 @@ def test_the_common_purposes_are_in_the_prompts(verb: str) -> None:
 
 def test_actions_of_requests_have_a_purpose() -> None:
     entries = [each for one in languages().values() for row in one.entries.values() for each in row]
-    verbs = {entry.value for entry in entries if entry.name == "DEED" and entry.value}
+    verbs = {value for _, name, value in entries if name == "DEED" and value}
     assert verbs <= quantities_by_verb().keys()
     assert len(verbs) > 5

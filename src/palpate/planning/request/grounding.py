@@ -189,10 +189,8 @@ def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
 
 def _is_bare(sentence: Sentence) -> bool:
     """True for bodies alone: "the mug and the bottle"."""
-    kinds = "".join(
-        "T" if one.thing else "," if one.has("AND", ",") else "" if one.has("DET", "ALL") else "?"
-        for one in sentence.spots
-    )
+    named = [one for one in sentence.spots if not one.has("DET", "ALL") or one.thing]
+    kinds = "".join("T" if one.thing else "," if one.has("AND", ",") else "?" for one in named)
     return "?" not in kinds and "TT" not in kinds
 
 
@@ -264,13 +262,9 @@ def _unfelt(sentences: Sequence[Sentence], resolver: Resolver) -> Iterator[str]:
     """Yield a message for each property that nothing measures."""
     for one in sentences:
         for at, spot in enumerate(one.spots):
-            adjective = at + 1 < len(one.spots) and one.spots[at + 1].thing is not None
-            if (
-                spot.has("UNFELT")
-                and not spot.is_quantity
-                and not adjective
-                and not one.has("COND")
-            ):
+            adjective = any(after.thing for after in one.spots[at + 1 : at + 2])
+            asks = not (spot.is_quantity or adjective or one.has("COND"))
+            if spot.has("UNFELT") and asks:
                 spot.used = True
                 yield resolver.not_measurable(spot.classes["UNFELT"], one.text(spot))
 
@@ -319,15 +313,10 @@ def _unused(sentence: Sentence) -> Iterator[str]:
 
 def _is_dead(spot: Spot) -> bool:
     """True for a word that was not used."""
-    if spot.unknown:
-        return True
-    if spot.thing is not None:
+    if spot.unknown or spot.thing is not None:
         return not spot.used
-    return (
-        spot.has("UNFELT", "PART", "DEED", "ADJ")
-        and not spot.used
-        and not spot.has("W", "A", "F", "MEASURE")
-    )
+    dead = spot.has("UNFELT", "PART", "DEED") and not spot.has("W", "A", "F", "MEASURE")
+    return dead and not spot.used
 
 
 _SYMBOLS = """

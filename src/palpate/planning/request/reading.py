@@ -488,6 +488,8 @@ class Reading:
         for spot in part.quantities:
             spot.used = True
         self._knows = self._knows or _is_known(part)
+        for spot in part.spots if not things else ():
+            spot.classes = {} if spot.has("ADJ") else spot.classes  # it is listed as not used
         if part.has("THATOF") and not ids:
             ids = self._seen
         if ids and not things and (named is not None or self._mentions):

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -310,7 +310,8 @@ class Spotter:
             thing = replace(thing, plural=True)
         if any(one.has("ALL") for one in before):
             thing = replace(thing, plural=True)
-            _use(before)
+            for one in before:
+                one.used = True
         if self.code == "de" and len(thing.names) > 1 and self._is_unmarked(spots, at, thing):
             thing = replace(thing, plural=True)
         number = next((one.classes["NUM"] for one in before if one.has("NUM")), "")
@@ -327,7 +328,8 @@ class Spotter:
                 sides.append(one)
             if not one.has("DET", "F", "SEL"):
                 break
-        _use(sides)
+        for one in sides:
+            one.used = True
         wide = self.nouns.find(thing.text.split(), self.code) if sides else None
         if wide is not None and len(wide.names) > 1 and len(thing.names) == 1:
             thing = replace(thing, names=wide.names)  # `left_box` is not "the left box"
@@ -443,29 +445,16 @@ def _subject(spots: Sequence[Spot], at: int, on_surface: bool) -> Spot | None:
 
 def _is_anything(spots: Sequence[Spot], at: int, marks: Sequence[Spot]) -> bool:
     """True for "what stands next to the mug" and "next to the mug is something"."""
-    rest = spots[spots.index(marks[-1]) + 1 :]
-    before, after = _first(reversed(spots[:at])), _first(rest)
-    if before is not None:
-        _drop_everything([before])
-    return before is not None or (after is not None and after.has("SOMETHING"))
-
-
-def _first(spots: Iterable[Spot]) -> Spot | None:
-    """Return the first word for anything, with only small words before it."""
-    for one in spots:
-        if one.has("SOMETHING", "EVERYTHING"):
-            return one
-        if not one.has("F", "TOKNOW", "WHERE", "DET", "SEL"):
-            break
-    return None
+    small = ("F", "TOKNOW", "WHERE", "DET", "SEL")
+    for run in (list(reversed(spots[:at])), spots[spots.index(marks[-1]) + 1 :]):
+        one = next((one for one in run if not one.has(*small) or one.has("SOMETHING")), Spot(0, 0))
+        if one.has("SOMETHING") or (one.has("EVERYTHING") and one in spots[:at]):
+            _drop_everything([one])
+            return True
+    return False
 
 
 def _drop_everything(spots: Sequence[Spot]) -> None:
     for one in spots:
         if one.has("EVERYTHING"):
             one.classes = {"F": ""}
-
-
-def _use(spots: Sequence[Spot]) -> None:
-    for spot in spots:
-        spot.used = True
