@@ -22,8 +22,8 @@ LONGEST_NAME = 6
 """Maximum number of words that describe a body."""
 OBJECT = "object"
 """Concept of nouns for any object."""
-COLOURS = frozenset({"+red", "+green", "+blue", "+light", "+yellow", "+orange"})
-COLOURS |= {"+purple", "+pink", "+brown", "+black", "+white", "+grey"}
+_HUES = "red green blue light yellow orange purple pink brown black white grey"
+COLOURS = frozenset(f"+{hue}" for hue in _HUES.split())
 _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
 """Suffixes of model names without a meaning."""
 _COLLECTIVE = frozenset({"fruit", "stationery", "glassware", "cutlery", "obst", "geschirr"})

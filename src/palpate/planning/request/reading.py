@@ -205,6 +205,8 @@ class Wish:
         return all(one.text in EVERYTHING for one in self.things)
 
 
+_Bodies = tuple[list[str], list[Thing]]
+"""Quantities or a verb, with bodies."""
 EVERYTHING = ("everything", "object")
 """Texts of mentions of all bodies."""
 
@@ -236,9 +238,7 @@ class Reading:
     guessed: bool = False
     looked: bool = False
     _wishes: list[Wish] = field(default_factory=list[Wish])
-    _excluded: list[tuple[list[str], list[Thing]]] = field(
-        default_factory=list[tuple[list[str], list[Thing]]]
-    )
+    _excluded: list[_Bodies] = field(default_factory=list[_Bodies])
     _mentions: list[list[Thing]] = field(default_factory=list[list[Thing]])
     _last: list[str] = field(default_factory=list[str])
     _seen: list[str] = field(default_factory=list[str])
@@ -250,7 +250,7 @@ class Reading:
     _named: set[str] = field(default_factory=set[str])
     _quantified: bool = False
     _alone: list[Thing] = field(default_factory=list[Thing])
-    _purposes: list[tuple[str, list[Thing]]] = field(default_factory=list[tuple[str, list[Thing]]])
+    _purposes: list[_Bodies] = field(default_factory=list[_Bodies])
     _missing: list[list[Thing]] = field(default_factory=list[list[Thing]])
 
     def take(self, spots: Sequence[Spot], question: bool) -> None:
@@ -259,11 +259,8 @@ class Reading:
         before: Clause | None = None
         named: Clause | None = None
         parts = clauses(spots)
-        if (
-            parts
-            and "EXCEPT" in parts[0].intro
-            and any(_is_known(one) and one.has(*_WHOLE) for one in parts[1:])
-        ):
+        known = any(_is_known(one) and one.has(*_WHOLE) for one in parts[1:])
+        if known and "EXCEPT" in parts[0].intro:
             self._base = False  # "apart from the mug, everything is known"
         for part in parts:
             others = any(one.quantities for one in parts if one is not part)
@@ -381,12 +378,9 @@ class Reading:
             things = self._things(one.things)
             if unweighed or any(map(_is_missing, run)):
                 things = [t for t in things if not self._is_whole(t)]
-            every = (
-                unweighed
-                or (bool(one.things) and not things)
-                or any(_is_every(spots, member) for member in one.quantities)
-                or (not self._mentions and any(member.has("PLURAL") for member in one.quantities))
-            )
+            plural = not self._mentions and any(o.has("PLURAL") for o in one.quantities)
+            every = any(_is_every(spots, member) for member in one.quantities)
+            every = every or unweighed or plural or (bool(one.things) and not things)
             ids = list(dict.fromkeys(id for member in one.quantities for id in _ids(member)))
             for member in one.quantities:
                 member.used = True
@@ -412,7 +406,7 @@ class Reading:
         measures = any(part.has("MEASURE") for part in run) and not self._last
         if self.simulates and verb and alone:
             moved = [one for one in alone if one.text not in EVERYTHING and one.names != (GRIPPER,)]
-            self._purposes.append((verb, moved or alone))
+            self._purposes.append(([verb], moved or alone))
         elif missing or (measures and not any(spot.unknown for spot in spots)):
             self._missing.append(things)
         elif self._last:
@@ -445,9 +439,8 @@ class Reading:
         general = [t for t in found if t.names == objects and not t.plural and len(objects) > 1]
         if general and not self.compares and (self._mentions or len(found) > len(general)):
             found = [one for one in found if one not in general]
-        self._named.update(
-            name for one in found for name in one.names if one.text not in EVERYTHING
-        )
+        named = [one for one in found if one.text not in EVERYTHING]
+        self._named.update(name for one in named for name in one.names)
         return found
 
     def _is_whole(self, thing: Thing) -> bool:
@@ -468,9 +461,8 @@ class Reading:
         for before in reversed(self._mentions if not every else []):
             fit = [one for one in before if one.names and resolver.can_have([one], id)]
             if fit:
-                self._wishes.append(
-                    Wish(id, [replace(t, plural=t.plural or self.compares) for t in fit])
-                )
+                fit = [replace(one, plural=one.plural or self.compares) for one in fit]
+                self._wishes.append(Wish(id, fit))
                 return
         if len(resolver.carriers(id)) == 1 or every or self.compares:
             self._wishes.append(Wish(id, []))
@@ -561,7 +553,7 @@ class Reading:
         Values from an assumption, such as uniform density, are only offered.
         """
         offered: list[Parameter] = []
-        for verb, things in self._purposes:
+        for (verb,), things in self._purposes:
             self._require_present(things)
             for id in quantities_by_verb().get(verb, ()):
                 for one in self.resolver.parameters(id, things):

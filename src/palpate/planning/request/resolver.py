@@ -125,16 +125,12 @@ class Resolver:
             said = f"{said[:LONG].rsplit(' ', 1)[0]} …"
         listed = ", ".join(f"'{word}'" for word in list(dict.fromkeys(words))[:4])
         listed = f"{listed} in '{said}'" if words else f"'{said}'"
+        objects = [f"mass of the {name}" for name in self.scene.objects]
+        example = (objects or ["everything that is missing"])[0]
         return PlanRejected(
-            f"I did not understand {listed}{HINT}'{self._example()}'; measurable are "
+            f"I did not understand {listed}{HINT}'{example}'; measurable are "
             f"{_measurable(self.catalogue)} of {self._listed_bodies()}"
         )
-
-    def _example(self) -> str:
-        """Return an example request."""
-        if self.scene.objects:
-            return f"mass of the {next(iter(self.scene.objects))}"
-        return "everything that is missing"
 
     def absent(self, thing: Thing) -> InputError | PlanRejected:
         """Make the error for a noun that names no body; an unknown word may still mean one.
@@ -194,10 +190,8 @@ class Resolver:
 
     def not_measurable(self, id: str, word: str) -> str:
         """Message on a property that nothing measures."""
-        # A quantity of the catalogue states its own reason.
-        reason, label = _NOT_SENSED, id
-        if id in self.catalogue:
-            reason, label = self.catalogue[id].how, self.catalogue[id].label
+        known = self.catalogue.get(id)
+        reason, label = (known.how, known.label) if known else (_NOT_SENSED, id)
         said = f" ('{word}')" if word != label else ""
         return (
             f"The {label}{said} cannot be measured: {reason}; what can be is "
@@ -216,11 +210,9 @@ class Resolver:
         )
 
     def _listed_bodies(self) -> str:
-        # Shorten a long list of bodies.
-        bodies = list(self.scene.bodies)
-        if len(bodies) > SHOWN + 1:
-            return f"{', '.join(bodies[:SHOWN])} and {len(bodies) - SHOWN} more"
-        return ", ".join(bodies) or "no objects at all"
+        bodies, more = list(self.scene.bodies), len(self.scene.bodies) - SHOWN
+        listed = ", ".join(bodies if more <= 1 else bodies[:SHOWN]) or "no objects at all"
+        return listed if more <= 1 else f"{listed} and {more} more"
 
 
 def _measurable(catalogue: Catalogue) -> str:

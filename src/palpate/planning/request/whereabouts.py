@@ -25,12 +25,17 @@ LEVEL = 0.001
 """m. Minimum difference in distance for one body to be the nearest: scenes state millimetres."""
 LARGER = 1.1
 """Ratio of sizes above which the larger of two bodies is unambiguous."""
-_AXES = {"left": ("y", 1), "right": ("y", -1), "tall": ("height", 1), "short": ("height", -1)}
-_AXES |= {"large": ("volume", 1), "small": ("volume", -1)}
-_AXES |= dict.fromkeys(("far", "behind"), ("x", 1)) | dict.fromkeys(("near", "front"), ("x", -1))
+_AXES = (
+    {"left": ("y", 1), "right": ("y", -1), "large": ("volume", 1), "small": ("volume", -1)}
+    | {"far": ("x", 1), "near": ("x", -1), "tall": ("height", 1), "short": ("height", -1)}
+    | {"behind": ("x", 1), "front": ("x", -1)}
+)
 """Compared measure, and its sign, by word."""
-_SAID = {"left": "left of", "right": "right of", "front": "in front of", "off": "on", "over": "on"}
-_SAID |= {"nearest": "nearest to", "farthest": "farthest from"}
+_SAID = (
+    {"left": "left of", "right": "right of", "front": "in front of", "off": "on"}
+    | {"over": "on"}
+    | {name: f"{name} {end}" for name, end in (("nearest", "to"), ("farthest", "from"))}
+)
 
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:

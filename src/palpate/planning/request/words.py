@@ -193,8 +193,11 @@ _AMOUNT = re.compile(
 )
 """Number, or its word, with a unit."""
 _NUMBERS = {"two": "2", "three": "3", "four": "4", "five": "5", "ten": "10"}
-_SPELT = {"kilo": "kg", "chil": "kg", "gr": "g", "millimet": "mm", "centimet": "cm", "met": "m"}
-_SPELT |= {"µm": "um", "n/mm": "kN/m", "n/m": "N/m"}
+_SPELT = {"kilo": "kg", "chil": "kg", "gr": "g", "millimet": "mm", "centimet": "cm", "met": "m"} | {
+    "µm": "um",
+    "n/mm": "kN/m",
+    "n/m": "N/m",
+}
 """Units by the beginnings of their words."""
 
 
