@@ -52,13 +52,9 @@ class Phrase:
 
 
 class _Words:
-    """Words for one body.
+    """Words for one body: those of its name (`own`), its possible nouns (`heads`), and others.
 
-    Attributes:
-        own, heads: words of its name, and those that may be its noun.
-        shapes: further English words for it; `said` with its own.
-        concepts, usual: concepts of all words, and of its noun.
-        role: its role in the scene.
+    `shapes` are further English words, and `usual` the concepts of its noun.
     """
 
     def __init__(self, body: Body) -> None:
@@ -146,13 +142,6 @@ class Nouns:
         """True if the noun is a plural, which is neither a name nor a known singular."""
         for word in part:
             if not self._is_noun(word, code) or word in self.names or word.isdigit():
-                continue
-            if any(
-                _ends(own, word)
-                for name in names
-                if name in self.words
-                for own in self.words[name].own
-            ):
                 continue
             known = languages()[code].nouns
             if not {word, without_accents(word)} & known.keys() and any(

@@ -31,11 +31,7 @@ _AXES = (
     | {"behind": ("x", 1), "front": ("x", -1)}
 )
 """Compared measure, and its sign, by word."""
-_SAID = (
-    {"left": "left of", "right": "right of", "front": "in front of", "off": "on"}
-    | {"over": "on"}
-    | {name: f"{name} {end}" for name, end in (("nearest", "to"), ("farthest", "from"))}
-)
+_PREPOSITIONS = {"nearest": " to", "farthest": " from", "left": " of", "right": " of"}
 
 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
@@ -88,7 +84,7 @@ def standing(
         found, remark = _bodies_in_relation(relation, rest, beside, scene)
     if not found:
         places = " and ".join(f"'{mark}'" for mark in marks)
-        raise PlanRejected(f"no '{said}' of this scene is {_SAID.get(relation, relation)} {places}")
+        raise PlanRejected(f"no '{said}' of this scene is {_say(relation)} {places}")
     return tuple(body.name for body in found), remark
 
 
@@ -119,8 +115,13 @@ def _bodies_in_relation(
         remark = f"The {relation} is '{nearest.name}', by {1e3 * apart:.0f} mm."
     if clear:
         return [nearest], remark
-    said = _SAID.get(relation, relation)
+    said = _say(relation)
     raise PlanRejected(f"{said} it may stand '{nearest.name}' or '{other.name}'; name one")
+
+
+def _say(relation: str) -> str:
+    said = {"front": "in front of", "off": "on", "over": "on"}.get(relation, relation)
+    return said + _PREPOSITIONS.get(relation, "")
 
 
 def _as_seen(relation: str) -> str:

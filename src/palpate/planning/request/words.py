@@ -193,11 +193,7 @@ _AMOUNT = re.compile(
 )
 """Number, or its word, with a unit."""
 _NUMBERS = {"two": "2", "three": "3", "four": "4", "five": "5", "ten": "10"}
-_SPELT = {"kilo": "kg", "chil": "kg", "gr": "g", "millimet": "mm", "centimet": "cm", "met": "m"} | {
-    "µm": "um",
-    "n/mm": "kN/m",
-    "n/m": "N/m",
-}
+_SPELT = "kilo:kg chil:kg gr:g millimet:mm centimet:cm met:m µm:um n/mm:kN/m n/m:N/m"
 """Units by the beginnings of their words."""
 
 
@@ -209,7 +205,8 @@ def amount(text: str) -> str:
     if not number[0].isdigit():
         half = re.search(r"half|halb|demi|mezzo|medio", number)
         number = "0.5" if half else _NUMBERS.get(number, "1")
-    spelt = next((to for start, to in _SPELT.items() if unit.startswith(start)), unit)
+    units = (pair.split(":") for pair in _SPELT.split())
+    spelt = next((to for start, to in units if unit.startswith(start)), unit)
     return f"{number.replace(',', '.')} {spelt}"
 
 
