@@ -20,8 +20,6 @@ from palpate.scene.scene import Scene
 
 LONGEST_NAME = 6
 """Maximum number of words that describe a body."""
-OBJECT = "object"
-"""Concept of nouns for any object."""
 _HUES = "red green blue light yellow orange purple pink brown black white grey"
 COLOURS = frozenset(f"+{hue}" for hue in _HUES.split())
 _FURTHER = re.compile(r"(?:body|base|top|link|obj|object|geom|mesh|part|main|root|\d)+")
@@ -105,9 +103,7 @@ class Nouns:
             if noun and not part[-1].isdigit() and not self._is_noun(part[-1], code):
                 break
             found = self.find(part, code)
-            # A longer description must not lose the bodies of a shorter one to a further noun.
-            if found and (best is None or found.names or not best.names or length == 2):
-                best = found
+            best = found or best
         return best
 
     def find(self, part: Sequence[str], code: str) -> Phrase | None:
@@ -201,7 +197,7 @@ class Nouns:
                 _ends(own, form) for own in one.own for form in members
             ) or not one.usual.isdisjoint(members):
                 return 3
-        if OBJECT in concepts and one.role == "object":
+        if "object" in concepts and one.role == "object":
             return 3
         if word in ("surface", "fixture") and word == one.role:
             return 3

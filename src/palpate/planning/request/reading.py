@@ -199,11 +199,6 @@ class Wish:
     id: str
     things: list[Thing]
 
-    @property
-    def is_general(self) -> bool:
-        """True if no body is named."""
-        return all(one.text in EVERYTHING for one in self.things)
-
 
 _Bodies = tuple[list[str], list[Thing]]
 """Quantities or a verb, with bodies."""
@@ -507,9 +502,10 @@ class Reading:
         else:
             self._ask()
         # "The rest is known" excludes no body that a wish names.
-        wished = [one.things for one in self._wishes if not one.is_general]
+        wished = [one.things for one in self._wishes]
         wished += [] if self._quantified else [self._alone]
-        named = {name for things in wished for thing in things for name in thing.names}
+        specific = [one for things in wished for one in things if one.text not in EVERYTHING]
+        named = {name for one in specific for name in one.names}
         excluded: set[Parameter] = set()
         for ids, things in self._excluded:
             for id in ids or [None]:
