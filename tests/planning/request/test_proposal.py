@@ -194,6 +194,16 @@ def test_scope_is_kept_in_five_languages(request_: str, place: str, proposed: st
         ("¿Cuál de las dos cajas pesa menos?", "red_box.mass blue_box.mass"),
         ("J'ai déjà la masse de la tasse, donne-moi son centre de gravité.", "mug.com"),
         ("I don't know anything about the mug.", "mug.mass"),
+        ("Weigh the mug and the red box, the rest can wait.", "mug.mass red_box.mass"),
+        ("All but the mug and the bottle have to be weighed.", "red_box.mass blue_box.mass"),
+        ("Don't bother with the mug. All other weights.", "bottle.mass red_box.mass blue_box.mass"),
+        ("Don't weigh anything but the mug.", "mug.mass"),
+        ("Nichts wiegen außer der Tasse.", "mug.mass"),
+        ("The red box, not needed; the mug, weigh it.", "mug.mass"),
+        ("Masse von allem außer den Kisten", "bottle.mass mug.mass"),
+        ("Wie schwer sind die Kisten?", "red_box.mass blue_box.mass"),
+        ("mass of the mug (nothing about the bottle)", "mug.mass"),
+        ("La taza ya está pesada, ahora la botella.", "bottle.mass"),
     ],
 )
 def test_named_bodies_have_priority_and_clauses_keep_their_quantities(request_: str, proposed: str):

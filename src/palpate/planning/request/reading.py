@@ -327,7 +327,7 @@ class Reading:
 
     def _deny(self, part: Clause, before: Clause | None) -> bool:
         """Exclude the bodies before a mere denial, "the mug not"; True if there are any."""
-        if part.things or part.quantities or before is None:
+        if part.things or part.quantities or part.has(*_WHOLE) or before is None:
             return False
         if not (before.things and before.continues and not before.quantities):
             return False

@@ -145,7 +145,7 @@ class Spotter:
             self.slips[word] = words[at] = meant
         elif self.code == "de":
             # The head of a compound: "Kasten" for "Probenkasten".
-            tails = (word[start:] for start in range(3, len(word) - 3))
+            tails = (word[start:] for start in range(3, len(word) - 2))
             words[at] = next(filter(self.language.is_noun, tails), word)
 
     def _is_known(self, words: Sequence[str], at: int) -> bool:
