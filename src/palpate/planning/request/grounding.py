@@ -349,8 +349,10 @@ SURE = re.compile(
 def is_sure(sentence: Sentence) -> bool:
     """True if all words of an English sentence belong to a form that has one meaning."""
     symbols = _symbols(sentence)
-    # "Everything" beside a body is a remark, unless the body is an exception.
-    mixed = {"e", "T"} <= set(symbols) and {"x", "n", "l"}.isdisjoint(symbols)
+    # "Everything" beside a body is a remark, unless the body is an exception. Which of several
+    # bodies an exception means may be open.
+    excepts = not {"x", "n", "l"}.isdisjoint(symbols)
+    mixed = symbols.count("T") > 2 if excepts else {"e", "T"} <= set(symbols)
     # "The mug is heavier than the bottle." may be a remark.
     remark = not sentence.question and is_comparison(sentence) and symbols.lstrip("&")[:1] == "T"
     return SURE.fullmatch(symbols) is not None and not mixed and not remark
