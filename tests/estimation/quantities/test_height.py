@@ -167,6 +167,19 @@ def test_a_contact_of_one_finger_is_detected_by_its_moment(bench, noises, world,
     assert "One finger" in found.contradiction
 
 
+@pytest.mark.parametrize("side", [-1, 1])
+def test_a_hand_out_of_level_stands_on_one_finger_at_first(bench, noises, side):
+    """An arm without calibration is out of level by milliradians, which its springs do not straighten."""
+    b = bench(noises["lab"], 2)
+    b.go("table_approach", (0.5, 0.0, 0.32))
+    beside = side * 0.04 * closing(b.trace())[:2]
+    recording = b.descend(rigid, "table", beside=beside)
+    b.convert("Pose2Height", "table", "height", recording)
+    trace = b.trace()
+    unsure = replace(trace, hand=replace(trace.hand, tip_offset_std=1.6e-3))
+    assert estimate_height(unsure, HEIGHT, None).verdict == "identified"
+
+
 def leaning(trace, leans):
     """The trace, with a hand that leans over by `leans(force)` rad in the closing direction."""
     samples = trace.samples

@@ -193,7 +193,7 @@ def test_damping_without_a_stiffness_is_not_in_the_twin():
         inject(text, {DAMPING: (30.0,)})
 
 
-@pytest.mark.parametrize("arm", ["fr3", "iiwa14"])
+@pytest.mark.parametrize("arm", ["fr3", "iiwa14", "ur5e"])
 def test_fingertips_count_in_a_contact_as_their_models_do(arm):
     """16 points, four of each of two boxes a finger that end at the tips."""
     description = load_description(arm)
