@@ -68,7 +68,7 @@ def faults(
         str,
         typer.Option(
             "--kind",
-            help="plans, nasty, physics, sensible, runtime, signals, stops, poses, obstacles, cautious, light, "
+            help="plans, nasty, physics, sensible, runtime, signals, stops, astray, poses, obstacles, cautious, light, "
             "inputs or schema.",
         ),
     ],

@@ -138,7 +138,7 @@ class PutDown(Primitive):
             return
         upright = Pose(now.position, state.pose_world_tcp.quaternion)
         here, there = (state_at_rest(state, state.at, pose) for pose in (now, upright))
-        if any(motion.violations(here, there, may_tilt=True)):
+        if any(motion.violations(here, there)):
             return
         robot.move_pose(upright, RETREAT_SPEED)
         yield from finish(blackboard)

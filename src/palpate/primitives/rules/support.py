@@ -264,9 +264,8 @@ def _tips_carrier(state: SymbolicState, name: str, pose: Pose, there: Footing) -
         # The load may act anywhere in the contact if other bodies carry a part, or the centre of mass is unknown.
         tops = [top.outline for top in there.carriers if top.owner == owner]
         loads = [point for top in tops for point in clip_polygon(there.face, top)]
-        if len(owners) == 1 and not {"com"}.isdisjoint((*body.known, *body.assumed)):
-            com = body.known.get("com", solids(state.scene).centre_of_mass(name))
-            loads = [pose.apply(com)[:2]]
+        if len(owners) == 1 and ("com" in body.known or "com" in body.assumed):
+            loads = [pose.apply(solids(state.scene).centre_of_mass(name))[:2]]
         if reason := _tips(state, owner, loads):
             return reason
     return None

@@ -48,25 +48,23 @@ _INPUT_KEPT: Array = np.tril(_KEEP ** np.maximum(np.subtract.outer(_CYCLES, _CYC
 class Reaction:
     """Reaction of the arm to its own collision stop: it yields, and goes back with an empty hand."""
 
-    gains: SpringGains  # gains of the drives, which then take torques
-    damping: Array  # (7, 7) N m s/rad
+    inertia: Array  # (7, 7) kg m^2
     load: Array  # (7,) N m that hold the load on the hand
     most: Array  # (7,) N m, torque limits of the joints
     back: Array  # (7,) rad/s, speed of the joints on the way back; it decays with `BACKING`
 
-    @classmethod
-    def of(cls, inertia: Array, load: Array, most: Array, back: Array) -> Reaction:
-        """Make dampers proportional to the inertia (7, 7).
-
-        All joints then slow down at one rate, and no joint pushes another against the obstacle.
-        """
-        return cls(SpringGains.of_torques(inertia), BRAKING * inertia, load, most, back)
+    @property
+    def gains(self) -> SpringGains:
+        """Gains of the drives, which then take torques."""
+        return SpringGains.of_torques(self.inertia)
 
     def torque(self, dq: Array) -> Array:
-        """Compute the torques (7,), N m, of the next cycle at joint rates `dq` (7,), rad/s. All are scaled down
-        together where a joint would exceed its limit.
+        """Compute the torques (7,), N m, of the next cycle at joint rates `dq` (7,), rad/s.
+
+        Dampers proportional to the inertia slow all joints down at one rate, and no joint pushes another against the
+        obstacle. All torques are scaled down together where a joint would exceed its limit.
         """
-        braking = self.damping @ (dq - self.back)
+        braking = BRAKING * self.inertia @ (dq - self.back)
         self.back = _FADE * self.back
         share = max(1.0, float((np.abs(braking) / self.most).max()))
         return self.load - braking / share

@@ -365,7 +365,7 @@ class MujocoRobot(Commanded):
 
         def reaction(back: Array) -> Reaction:
             load = min(max(readout.load, 0.0), thresholds.load)
-            return Reaction.of(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max, back)
+            return Reaction(mass_matrix, jacobian[2] * load, self._arm.limits.tau_max, back)
 
         self._guard.begin(
             thresholds=None if self._yielding else thresholds,
