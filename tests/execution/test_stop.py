@@ -598,6 +598,15 @@ def test_a_tilted_hand_turns_back_first_and_an_upright_one_does_not() -> None:
 BLOCK = '<body name="block" pos="0.5 0.088 {}"><geom type="box" size="0.02 0.012 0.005"/></body>'
 
 
+def test_a_hand_turns_back_only_where_it_is_clear() -> None:
+    """A block stands 12 mm inside the upright hand, and outside the tilted one."""
+    robot = Commanded()
+    block = BLOCK.format(0.34).replace('pos="0.5 ', 'pos="0.46 ')
+    board = blackboard_with(robot, 0.25, parse_scene(AROUND.format(block)), turn=np.radians(20.0))
+    assert "it would lean by 20°" in put_down(board)
+    assert not robot.moves
+
+
 @pytest.mark.parametrize(("room", "rise"), [(0.3, 0.1), (0.085, 0.06), (0.05, 0.03), (0.02, None)])
 def test_the_hand_rises_only_as_far_as_it_is_clear(room, rise) -> None:
     """A block is so far above the outer end of the hand."""
@@ -622,7 +631,8 @@ def test_the_fingers_open_only_as_far_as_they_meet_no_neighbour(gap, width) -> N
         blackboard_with(robot, 0.1, parse_scene(AROUND.format(peg)), lifted=False, holding="cup")
     )
     assert [opened for _, opened in robot.opened] == [pytest.approx(width)] * (width is not None)
-    assert done.startswith("the fingers cannot open, ") == (width is None)
+    reason = "the fingers cannot open, at 'this pose' the right finger would move into 'peg'"
+    assert done.startswith(reason) == (width is None)
     assert done.endswith(STAYS) == (width is None)
 
 

@@ -185,8 +185,8 @@ class PutDown(Primitive):
         if held is None:
             return None
         here = state_at_rest(state, state.at, blackboard.robot.state.pose_world_tcp)
-        there = state_at_rest(here, state.at, place @ held.inverse())
-        found = next(motion.violations(here, there, may_tilt=True), None)
+        there = state_at_rest(here, "its support", place @ held.inverse())
+        found = next(motion.violations(here, there), None)
         return None if found is None else found.message.partition(";")[0]
 
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Wait:
@@ -228,7 +228,8 @@ def clear_opening(blackboard: Blackboard) -> tuple[float, str | None]:
     If there is none, it is the smallest one, with the reason.
     """
     robot, most = blackboard.robot, blackboard.scene.arm.hand.opening
-    here = replace(blackboard.state, pose_world_tcp=robot.state.pose_world_tcp, joints=None)
+    tcp = robot.state.pose_world_tcp
+    here = replace(blackboard.state, at="this pose", pose_world_tcp=tcp, joints=None)
     between = here.object_at(here.pose_world_tcp)
     around = blackboard.state.holding or (between.name if between else None)
     width, reason = most, None
