@@ -321,17 +321,7 @@ NOISE_ROUNDS = 4
 ×0.8–1.1."""
 
 FRICTION = ("offset", COULOMB, "strained", "viscous")
-DETAILS = (
-    "presliding",
-    "uneven",
-    "loaded",
-    "stribeck",
-    "armature",
-    "cable",
-    GAIN,
-    "lean",
-    "delay",
-)
+DETAILS = ("presliding", "uneven", "loaded", "stribeck", "armature", "cable", GAIN, "lean", "delay")
 PRIORS = {
     "offset": OFFSET_PRIOR,
     COULOMB: COULOMB_PRIOR,

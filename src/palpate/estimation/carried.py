@@ -44,13 +44,7 @@ from palpate.estimation.estimate import (
     not_identified,
 )
 from palpate.estimation.evidence import once
-from palpate.estimation.joint_causes import (
-    DRIFT,
-    DRIFT_TIME,
-    LINK_CENTRE,
-    LINK_MASS,
-    per_joint,
-)
+from palpate.estimation.joint_causes import DRIFT, DRIFT_TIME, LINK_CENTRE, LINK_MASS, per_joint
 from palpate.estimation.joint_friction import FLOOR
 from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask

@@ -148,8 +148,7 @@ def find_evidence_span(of: Recorded, name: str) -> tuple[float, float] | None:
         return None
     used: list[Recording] = [one.recording for one in of.conversions if one.object == name]
     for nearby in (of.recordings, of.recordings[::-1]):
-        # Approach the object's own recordings from both sides; a recording of another object restarts the
-        # collection.
+        # Approach the object's own recordings from both sides; a recording of another object restarts the collection.
         empty: list[Recording] = []
         for recording in nearby:
             holding = recording.context.holding
@@ -165,9 +164,7 @@ _during = once(Trace.during)
 
 
 def select_evidence(trace: Trace, name: str) -> Trace:
-    """Return the part of a trace that is evidence of the object `name`. Parts are cached, the whole trace is
-    not.
-    """
+    """Return the part of a trace that is evidence of the object `name`. Parts are cached, the whole trace is not."""
     # The whole trace if the evidence covers it.
     reached = find_evidence_span(trace, name)
     if reached is None or not len(trace.t):

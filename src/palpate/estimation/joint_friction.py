@@ -1,13 +1,12 @@
 """Friction of the arm's own joints, behind their torque sensors.
 
-In Dahl's model the friction approaches its level in the direction of the motion while a joint turns
-by some mrad. It stays constant while the joint rests (P. Dahl, "Solid friction damping of
-mechanical vibrations", AIAA Journal 14, 1976). Joints that a lift turns thus have friction in one
-direction or the other. Joints that it does not turn keep the friction of the last motion before the
-recording for a long time.
+In Dahl's model the friction approaches its level in the direction of the motion while a joint turns by some mrad. It
+stays constant while the joint rests (P. Dahl, "Solid friction damping of mechanical vibrations", AIAA Journal 14,
+1976). Joints that a lift turns thus have friction in one direction or the other. Joints that it does not turn keep the
+friction of the last motion before the recording for a long time.
 
-The level of each joint follows from motions through free air, where no contact acts: the torque
-that changes its sign where the joint reverses. It is fitted joint by joint, linear in
+The level of each joint follows from motions through free air, where no contact acts: the torque that changes its sign
+where the joint reverses. It is fitted joint by joint, linear in
 
     tau = s tau_f + terms in the angles (gravity errors of the arm's model)
                   + terms in acceleration and squared speed (its inertia)
@@ -28,9 +27,8 @@ from palpate.estimation.wrench_observation import observe_wrench
 from palpate.trace.samples import Samples, Trace
 
 LEAST_TRAVEL = 0.7
-"""fraction of its level that the slowest friction must reach in both directions, 12 mrad after a
-joint began to turn. The friction of a joint that turns one way only looks like an offset. Not
-sensitive."""
+"""fraction of its level that the slowest friction must reach in both directions, 12 mrad after a joint began to turn.
+The friction of a joint that turns one way only looks like an offset. Not sensitive."""
 CURVE_ROWS = 5
 """rows: fewest for a line. Not sensitive."""
 SMOOTH = 0.02
@@ -46,14 +44,12 @@ JOINT_ERROR = 0.03
 """N m (1 sigma): error of the friction behind a joint's sensor as estimated from free motions.
 Sensitive: friction 0.3 σ, std ×1.0–1.1."""
 CORRELATED_ROWS = 20
-"""rows (0.1 s): correlation length of a joint torque's residual in free motion. Hardly sensitive.
-"""
+"""rows (0.1 s): correlation length of a joint torque's residual in free motion. Hardly sensitive."""
 SLOWLY = 0.5
 """rad/s²: above this acceleration the inertia of a joint exceeds its friction. Sensitive: friction
 0.2 σ."""
 FREE_MOTION = 300
-"""rows (1.5 s): least motion through free air from which joint friction is estimated. Not
-sensitive."""
+"""rows (1.5 s): least motion through free air from which joint friction is estimated. Not sensitive."""
 JOINT_LEVEL = 0.3
 """N m (1 sigma): friction in a joint behind its sensor; 0.15 to 0.64 were identified (Gaz et al.,
 RA-L 2019, doi:10.1109/LRA.2019.2931248). Sensitive: com 0.1 σ, std ×0.9–1.1."""
@@ -62,31 +58,27 @@ ENCODER_PLAY = 1e-5
 RUBBING_ROWS = 4
 """rows (20 ms): block length of the mean angles that follow a joint's motion. Not sensitive."""
 FLOOR = 1e-4
-"""N: noise that is always assumed, as perfect sensors make the equations singular. Not sensitive.
-"""
+"""N: noise that is always assumed, as perfect sensors make the equations singular. Not sensitive."""
 
 TURNED, LEFT = 0, 1
-"""Last axis of `dahl_states`: direction of the last motion, and remaining share of the initial
-friction."""
+"""Last axis of `dahl_states`: direction of the last motion, and remaining share of the initial friction."""
 
 
 @once
 def slip_states(samples: Samples) -> Array:
     """Compute the (n, m, 2 e) Dahl states of e elements with different presliding distances.
 
-    The friction of a joint is a sum of them (generalised Maxwell slip model: Al-Bender, Lampaert
-    and Swevers, IEEE Transactions on Automatic Control 50, 2005). Its presliding distance is
-    learned with its level.
+    The friction of a joint is a sum of them (generalised Maxwell slip model: Al-Bender, Lampaert and Swevers, IEEE
+    Transactions on Automatic Control 50, 2005). Its presliding distance is learned with its level.
     """
     return dahl_states(samples.q, SLIP_ANGLES)
 
 
 def dahl_states(q: Array, presliding: Sequence[float] = (PRESLIDING,)) -> Array:
-    """Compute the (n, m, 2 p) Dahl states at joint angles `q` (n, m), rad, for each presliding
-    distance, rad.
+    """Compute the (n, m, 2 p) Dahl states at joint angles `q` (n, m), rad, for each presliding distance, rad.
 
-    The first state is the direction of the last motion, -1 to 1; it changes gradually while the
-    joint reverses. The second is the remaining share of the friction at the start, 1 to 0.
+    The first state is the direction of the last motion, -1 to 1; it changes gradually while the joint reverses. The
+    second is the remaining share of the friction at the start, 1 to 0.
     """
     # Mean angles of blocks; the last block holds the remaining rows.
     starts = np.arange(0, len(q), RUBBING_ROWS)
@@ -137,8 +129,7 @@ def _steps(q: Array) -> Array:
 
 
 def joint_ways(samples: Samples, empty: Mask, height: float) -> Array:
-    """Estimate the direction (n, m) of the last motion of each joint, with the presliding that its
-    free motions show.
+    """Estimate the direction (n, m) of the last motion of each joint, with the presliding that its free motions show.
 
     The directions for several presliding distances are averaged by their likelihood, see
     `joint_friction`.
@@ -187,8 +178,7 @@ def _rates(samples: Samples) -> Array:
 
 
 def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) -> tuple[Mask, Array]:
-    """Select the rows (n,) of free motion of the `empty` hand above `height`, and their nuisance
-    columns (k, p).
+    """Select the rows (n,) of free motion of the `empty` hand above `height`, and their nuisance columns (k, p).
 
     The columns are acceleration, squared speed, a constant, the angles and their squares.
     """
@@ -205,8 +195,7 @@ def _free_motion(samples: Samples, states: Array, empty: Mask, height: float) ->
 def joint_friction(
     samples: Samples, states: Array, empty: Mask, height: float
 ) -> tuple[Array, Array]:
-    """Estimate the friction level of each joint, (m,) N m, and standard deviations, from free
-    motions.
+    """Estimate the friction level of each joint, (m,) N m, and standard deviations, from free motions.
 
     Args:
         states: (n, m) direction of the last motion of each joint.
@@ -223,8 +212,7 @@ def joint_friction(
     ways, torques = _project_out(axes, states[free]), _project_out(axes, samples.tau_ext[free])
     sizes, shared = (ways**2).sum(axis=0), (ways * torques).sum(axis=0)
     left = torques - ways * (shared / np.maximum(sizes, FLOOR**2))
-    # Residual variance: of single rows, or of block means times the block length where slower noise
-    # dominates.
+    # Residual variance: of single rows, or of block means times the block length where slower noise dominates.
     size = CORRELATED_ROWS
     means = left[: len(left) // size * size].reshape(-1, size, left.shape[1]).mean(axis=1)
     scatter = np.maximum(left.var(axis=0), size * means.var(axis=0)).clip(FLOOR**2)
@@ -237,14 +225,12 @@ def joint_friction(
 def joint_friction_force(
     trace: Trace, rows: slice, free: Mask, empty: Mask, height: float
 ) -> Array:
-    """Compute the part (n,), N, of the pressing force in a guarded descent that joint friction
-    causes.
+    """Compute the part (n,), N, of the pressing force in a guarded descent that joint friction causes.
 
-    The hand moves straight down, but some joints reverse in a compliant surface. A constant joint
-    torque is also another force in another posture. For a force of 8 N this can be 1 N or more, and
-    it rises with the depth like the force of a spring. The linear trend over the rows in `free` air
-    (n,) belongs to the baseline and is subtracted. The result is 0 where the arm's chain is
-    unknown.
+    The hand moves straight down, but some joints reverse in a compliant surface. A constant joint torque is also
+    another force in another posture. For a force of 8 N this can be 1 N or more, and it rises with the depth like the
+    force of a spring. The linear trend over the rows in `free` air (n,) belongs to the baseline and is subtracted. The
+    result is 0 where the arm's chain is unknown.
 
     Args:
         rows: of the descent.

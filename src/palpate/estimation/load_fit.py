@@ -355,10 +355,7 @@ def load_model(
     borne = np.concatenate([torque[:, None] * gains[row.signal] for row, torque in pairs])
     crossed = np.concatenate([crosstalk_columns(hand, torque, signals) for torque in torques])
     # Joint friction is a sum of independent elements; residual stiction has the force repeatability.
-    friction, left = (
-        JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5,
-        hand.force_repeatability + FLOOR,
-    )
+    friction, left = (JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5, hand.force_repeatability + FLOOR)
     stiction = zip(
         (*AT_HAND, OFFSETS), zip(*(row.stiction.columns for row in rows), strict=True), strict=True
     )

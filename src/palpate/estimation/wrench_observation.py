@@ -18,10 +18,9 @@ from palpate.trace.recording import Chain, NominalHand
 from palpate.trace.samples import Samples, Trace
 
 FOLLOWED = 0.1
-"""s: averaging time of speeds and torques. Between 8 and 30 Hz the torque of a real arm does not
-follow its links' motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std
-×1.05 at `lab`; on a recorded FR3 it halves it. With 0.02 s in a lift, the encoder ripple reads as
-−2.5 N/m along it at `measured`."""
+"""s: averaging time of speeds and torques. Between 8 and 30 Hz the torque of a real arm does not follow its links'
+motion, as gears, encoders and controller ripple and resonate. Sensitive: mass std ×1.05 at `lab`; on a recorded FR3 it
+halves it. With 0.02 s in a lift, the encoder ripple reads as −2.5 N/m along it at `measured`."""
 CHAIN_ROWS = 20
 """rows on which the arm's kinematics must reproduce the wrench. Not sensitive."""
 CHAIN_FORCE = 0.5
@@ -98,8 +97,7 @@ class WrenchObservation:
         return found
 
     def links_motion(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Compute the torque (n, m), N m, that moves the arm's own links; 0 where the links are
-        unknown.
+        """Compute the torque (n, m), N m, that moves the arm's own links; 0 where the links are unknown.
 
         Args:
             q: (n, 7) rad.
@@ -157,12 +155,11 @@ def force_gain(hand: NominalHand) -> float:
 
 
 def gain_root(hand: NominalHand, signals: int) -> Array:
-    """Compute the effects (m, m) of m independent causes, one standard deviation each, on the
-    relative gains of m torque sensors.
+    """Compute the effects (m, m) of m independent causes, one standard deviation each, on the relative gains of m
+    torque sensors.
 
-    A stated half width is that of a uniform distribution of each gain (GUM, JCGM 100:2008, 4.3.7).
-    For calibrated joints the matrix is the symmetric root of their covariance, so that each cause
-    is mostly one joint's.
+    A stated half width is that of a uniform distribution of each gain (GUM, JCGM 100:2008, 4.3.7). For calibrated
+    joints the matrix is the symmetric root of their covariance, so that each cause is mostly one joint's.
     """
     if hand.gain_covariance is None or len(hand.gain_covariance) != signals:
         return hand.torque_gain / np.sqrt(3.0) * np.eye(signals)
@@ -181,12 +178,11 @@ def common_gain(hand: NominalHand) -> float:
 
 
 def crosstalk(hand: NominalHand, torque: Array) -> Array:
-    """Compute the cross-talk (k, m), N m (1 sigma), of each of m sensors from the torques (k, m) of
-    the other joints.
+    """Compute the cross-talk (k, m), N m (1 sigma), of each of m sensors from the torques (k, m) of the other joints.
 
-    The torques of one load are nearly in proportion to each other in all poses. A single column for
-    each sensor therefore represents its response to all of them. It is 0 where the signals are a
-    wrench, and after a calibration, whose weight included it in the gains.
+    The torques of one load are nearly in proportion to each other in all poses. A single column for each sensor
+    therefore represents its response to all of them. It is 0 where the signals are a wrench, and after a calibration,
+    whose weight included it in the gains.
     """
     if torque.shape[1] != len(hand.joints) or hand.gain_covariance is not None:
         return np.zeros_like(torque)

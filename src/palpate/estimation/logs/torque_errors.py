@@ -128,13 +128,7 @@ class JointFits:
         white = np.diag(inverse)[: 7 * k].reshape(k, 7) * alike
         summed = np.diag(inverse @ summed.T @ summed @ inverse)[: 7 * k].reshape(k, 7)
         std = np.sqrt(np.maximum(white, summed))
-        return cls(
-            found[: 7 * k].reshape(k, 7),
-            std,
-            found[7 * k :],
-            residual,
-            n / alike,
-        )
+        return cls(found[: 7 * k].reshape(k, 7), std, found[7 * k :], residual, n / alike)
 
 
 def slow_torque(log: ArmLog, chain: Chain) -> dict[str, FigureInterval]:

@@ -133,10 +133,7 @@ class CentreOfMassInSpace(CentreOfMass):
     id = "com_3d"
     label = "centre of mass in all three axes"
     words: ClassVar = {"en": tuple(f.format(c) for c in CentreOfMass.words["en"] for f in IN_SPACE)}
-    evidence = (
-        CentreOfMass.evidence[0],
-        *held_and_empty(FORCES, "Tilt", "tilting", "in free air"),
-    )
+    evidence = (CentreOfMass.evidence[0], *held_and_empty(FORCES, "Tilt", "tilting", "in free air"))
     how = "as com, and in a Parallel with Tilt, held in free air and empty"
     stands_for = "com"
     entire = True
