@@ -129,10 +129,6 @@ class FeltTorque:
     friction: Array  # (n, 7) Dahl friction of unit level
     usual: Array  # (7,) N m, size of the torque at home, where the joints have their usual friction
 
-    def more(self, torque: Array) -> FeltTorque:
-        """Copy with a further `torque` (n, 7), N m."""
-        return replace(self, torque=self.torque + torque)
-
     def columns(self) -> dict[str, Array]:
         """Columns (k, 7, …) of sensor gains, cross-talk and delay, and of friction that grows with the torque."""
         torque = transform_signal(self.torque, self.step)
@@ -191,7 +187,8 @@ class SpectrumRows:
     def bearing(self, torques: Sequence[Array]) -> SpectrumRows:
         """Copy in which the sensors feel, and friction grows with, a further torque (n, 7), N m, in each stretch."""
         pairs = zip(self.felt, torques, strict=True)
-        found = [felt.more(torque).columns() for felt, torque in pairs]
+        more = (replace(felt, torque=felt.torque + torque) for felt, torque in pairs)
+        found = [felt.columns() for felt in more]
         combine = np.concatenate if self.equal is None else self.equal.combine
         changed = {name: combine([one[name] for one in found]) for name in found[0]}
         return replace(self, columns={**self.columns, **changed})

@@ -239,6 +239,14 @@ def arm_scales(causes: Sequence[Cause]) -> list[PriorScale]:
     return found
 
 
+def link_deviations(link: Array, mass: float, centre: float) -> Array:
+    """Compute the changes (4, 4) of mass and first moment of a `link` (4,) by one deviation of each of its errors.
+
+    They are its mass, by the fraction `mass`, and its centre along each axis, by `centre` m.
+    """
+    return np.column_stack([mass * link, centre * link[0] * np.eye(4)[:, 1:]])
+
+
 def label_link(joint: int) -> tuple[str, ...]:
     """Name the errors in the mass and in the centre of the links that move with a joint."""
     kinds = ("mass", *(f"centre along {axis}" for axis in "xyz"))
@@ -266,15 +274,12 @@ def build_link_errors(
     holds = np.zeros((3, *q.shape))
     errors: list[Cause] = []
     for i in range(len(chain.axes)):
-        mass, *moment = link_parameters(chain, i)[:4].tolist()
-        if not mass:
+        link = link_parameters(chain, i)[:4]
+        if not link[0]:
             continue
-        holds += [each[:, :, i] @ [mass, *moment] for each in held]
-        # Unknowns: a mass at the centre of mass, and a shift of the centre along each axis of the link.
-        units = np.column_stack([[1.0, *np.array(moment) / mass], mass * np.eye(4)[:, 1:]])
-        prior = np.array([LINK_MASS * mass, *[LINK_CENTRE] * 3])
-        shown = by_signal(held[2][:, :, i] @ units)
-        errors.append(Cause(f"{LINK} at joint {i + 1}", shown, prior, "arm", label_link(i)))
+        holds += [each[:, :, i] @ link for each in held]
+        shown = by_signal(held[2][:, :, i] @ link_deviations(link, LINK_MASS, LINK_CENTRE))
+        errors.append(Cause.build(f"{LINK} at joint {i + 1}", shown, 1.0, "arm", label_link(i)))
     return holds[2], errors, holds[:2].transpose(1, 2, 0)
 
 

@@ -98,21 +98,11 @@ class Weight:
         """Errors of `mass` in common with other weighings on that arm."""
         return map_shared(self.best.shared, np.eye(1, len(self.best.value)) / self.gravity)
 
-    @property
-    def part(self) -> FurtherValue:
-        """The mass as a part of another estimate."""
-        return FurtherValue(self.mass, self.std, "kg")
-
     def view(self) -> FitView:
         """Chart the fit that gave `mass`, by parts of the recording."""
         if self.whole is None:
             return weighing_view(self.load, self.gravity)
         return whole_view(self.whole, self.gravity)
-
-    @property
-    def segments(self) -> Sequence[Segment]:
-        """All rests and passes."""
-        return [segment for weighing in self.weighings for segment in weighing.segments]
 
 
 def weigh(trace: Trace, recording: Recording, by_all_motion: bool = True) -> Weight:

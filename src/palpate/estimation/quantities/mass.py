@@ -196,7 +196,7 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
         return not_measured(parameter, UNIT)
     # Contrast of loaded and empty segments; the paper's estimate is a further result.
     weight = weigh(trace, recording, by_all_motion)
-    method = contrast_method(weight.segments)
+    method = contrast_method([one for found in weight.weighings for one in found.segments])
     if weight.whole is not None:
         method += WHOLE
     return Estimate.normal(

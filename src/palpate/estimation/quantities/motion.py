@@ -127,7 +127,7 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
         method,
         evidence=(recording,),
         reason=weight.doubt or ("the mass is not told from zero" if light else ""),
-        parts={"mass": weight.part},
+        parts={"mass": FurtherValue(weight.mass, weight.std, "kg")},
         tests=weight.load.tests,
         views=tuple(replace(view, slopes=None) for view in fits),
     )

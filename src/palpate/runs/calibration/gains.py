@@ -14,6 +14,7 @@ from palpate.common.parameter import Parameter
 from palpate.common.pose import Array, Pose
 from palpate.estimation.arm_fit import Bodies
 from palpate.estimation.estimate import KNOWN, FitTest, chi_squared
+from palpate.estimation.joint_causes import link_deviations
 from palpate.estimation.load_equations import equations
 from palpate.estimation.load_fit import LOAD_ITERATIONS, LoadModel, fit_load, load_model
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
@@ -326,10 +327,7 @@ def link_columns(arm: RobotDescription, gravity: float, q: Array) -> Array:
     heavier = 1.0 if arm.end_effector is None else arm.end_effector.mass / bodies.hand[0]
     # Torques per unit of mass and of first moment of each link.
     regressors = regressor(chain, q, still, still, -gravity * UP)[..., :4]
-    columns: list[Array] = []
-    # Deviations of a link: its mass scales all moments, its centre shifts the first moments.
-    for joint, body in [*enumerate(bodies.links), (q.shape[1] - 1, heavier * bodies.hand)]:
-        shifts = sensors.link_com * body[0] * np.eye(4)[:, 1:]
-        sizes = np.column_stack([sensors.link_mass * body[:4], shifts])
-        columns.append(regressors[:, :, joint] @ sizes)
+    errors = sensors.link_mass, sensors.link_com
+    links = [*enumerate(bodies.links), (q.shape[1] - 1, heavier * bodies.hand)]
+    columns = [regressors[:, :, i] @ link_deviations(body[:4], *errors) for i, body in links]
     return np.concatenate(columns, axis=2)
