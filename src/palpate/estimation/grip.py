@@ -12,7 +12,7 @@ from palpate.common.pose import Array, Pose
 from palpate.estimation.motion import mean_pose
 from palpate.mjcf.body import Body
 from palpate.trace.recording import LeafRun, Recording
-from palpate.trace.samples import Trace
+from palpate.trace.samples import Samples, Trace
 
 OPENING = 2e-4
 """m (1 sigma). Error of the measured finger opening, by backlash of the drives and wear of the pads. Sensitive: size
@@ -52,12 +52,8 @@ class Extent(NamedTuple):
 def widths(trace: Trace, held: Sequence[Recording], body: Body) -> Iterator[Extent]:
     """Yield widths of an object from the recordings `held`, made while it is held."""
     for recording in held:
-        samples = trace.of(recording)
-        opening = float(np.median(samples.width))
         before = [leaf for leaf in trace.leaf_runs(CLOSING) if leaf.end <= recording.start]
-        width, std = width_at(trace, opening, before[-1] if before else None)
-        for axis in axes_between(mean_pose(samples).rotation[:, 1], body):
-            yield Extent(axis, width, std)
+        yield from extents_of(trace, trace.of(recording), before[-1] if before else None, body)
 
 
 def widths_at_grasps(trace: Trace, body: Body) -> Iterator[Extent]:
@@ -66,12 +62,17 @@ def widths_at_grasps(trace: Trace, body: Body) -> Iterator[Extent]:
         if leaf.context is None or leaf.context.holding != body.name:
             continue
         # Samples at the end of the grasp, in which the fingers rest on the object.
-        samples = trace.samples.between(leaf.end - GRASPED, leaf.end)
-        if not len(samples):
-            continue
-        width, std = width_at(trace, float(np.median(samples.width)), leaf)
-        for axis in axes_between(mean_pose(samples).rotation[:, 1], body):
-            yield Extent(axis, width, std)
+        if len(samples := trace.samples.between(leaf.end - GRASPED, leaf.end)):
+            yield from extents_of(trace, samples, leaf, body)
+
+
+def extents_of(
+    trace: Trace, samples: Samples, grasp: LeafRun | None, body: Body
+) -> Iterator[Extent]:
+    """Yield the widths of an object between the fingers in `samples`, after a `grasp`."""
+    width, std = width_at(trace, float(np.median(samples.width)), grasp)
+    for axis in axes_between(mean_pose(samples).rotation[:, 1], body):
+        yield Extent(axis, width, std)
 
 
 def axes_between(closing: Array, body: Body) -> list[int]:

@@ -229,24 +229,23 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
         method=height_method(found, plane, tip_std),
         evidence=tuple(touch.recording for touch in found),
         parts=height_parts(found, plane),
-        tests=tuple(height_tests(found, plane)),
+        # Equal load on both fingers counts for the height alone.
+        tests=(*plane_tests(found, plane), *(test for touch in found for test in touch.sides())),
         views=touch_views(found, plane),
     )
     return replace(made, shared=(Shared("length of the fingertips", "arm", (tip_std,)),))
 
 
-def height_tests(found: Sequence[SurfaceTouch], plane: Plane) -> Iterator[FitTest]:
+def plane_tests(found: Sequence[SurfaceTouch], plane: Plane) -> Iterator[FitTest]:
     """Goodness-of-fit tests of one rigid plane."""
-    # Rigidity of the softest touch, equal load on both fingers, and agreement of the touches.
+    # Rigidity of the softest touch, and agreement of the touches.
     yield max(found, key=lambda touch: touch.at_most).firm()
-    for touch in found:
-        yield from touch.sides()
     if plane.freedom:
         yield chi_squared(
             "touch against touch",
             plane.misfit,
             plane.freedom,
-            "The touches do not agree on one surface: something lies on it, or it is not plane.",
+            "The touches do not agree on one plane: something lies on it, or it is not plane.",
         )
 
 
@@ -328,11 +327,6 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
             "mm apart and not in line show how it leans."
         )
         return not_identified(parameter, TILT_UNIT, few, recordings)
-    # The softest touch decides whether the surface is rigid.
-    tests = [max(touches, key=lambda touch: touch.at_most).firm()]
-    if plane.freedom:
-        finding = "The touches do not lie in one plane: something lies on it, or it is not plane."
-        tests.append(chi_squared("touch against touch", plane.misfit, plane.freedom, finding))
     return Estimate.normal(
         parameter,
         TILT_UNIT,
@@ -341,6 +335,6 @@ def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
         method=f"The plane through {len(touches)} touches leans by {np.degrees(plane.tilt[0]):.2f}°.",
         evidence=recordings,
         parts={"angle": FurtherValue(*plane.tilt)},
-        tests=tuple(tests),
+        tests=tuple(plane_tests(touches, plane)),
         views=(plane.view(of_tilt=True),),
     )
