@@ -61,7 +61,7 @@ KIND_BIAS = 0.3
 (friction hysteresis). Sensitive: mass 0.08 σ; com 0.1 σ."""
 SENSOR_BIAS = 0.05
 """N (1 sigma). Bias of a six-axis sensor on one line of motion: its drift, and cables of the hand. It has no joint
-friction."""
+friction. Chosen, without a source. Sensitive: not tried."""
 GAIN_RATIO = 0.8
 """Error (1 sigma) of a quotient of two forces, in half widths of a gain. Different joints carry the two forces, so the
 error is sqrt(2) times a uniform one, 1/sqrt(3). Sensitive: friction std ×0.6–1.9."""
