@@ -149,7 +149,7 @@ def small_disk(size: int) -> Iterator[None]:
 
 
 @pytest.mark.parametrize("error", [OSError("the disk is gone"), IndexError("out of range")])
-def test_a_growing_trace_that_fails_is_said(
+def test_a_growing_trace_that_fails_is_reported(
     plan: Plan, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, error: Exception
 ) -> None:
     calls: list[object] = []

@@ -12,7 +12,7 @@ from palpate.studies.scenarios.catalogue import scenario
 
 
 @pytest.mark.parametrize("name", SCENARIOS)
-def test_every_thing_and_its_table_has_tags_and_stands_elsewhere(name: str) -> None:
+def test_every_object_and_its_table_has_tags_and_stands_elsewhere(name: str) -> None:
     settings = scenario(name).settings()
     assert settings.scene is not None
     text, folder = settings.scene.read_text(encoding="utf-8"), settings.scene.parent

@@ -48,7 +48,7 @@ def stored(folders: list[Path]) -> Path:
 
 
 @pytest.mark.long
-def test_estimates_are_made_anew(palpate: Palpate, stored: Path) -> None:
+def test_estimates_are_made_again(palpate: Palpate, stored: Path) -> None:
     answer = palpate("estimate", stored, "--json")
     assert answer.status == 0
     stored_result = json.loads((stored / "result.json").read_text())

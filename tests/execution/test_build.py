@@ -66,7 +66,7 @@ def test_two_motions_in_a_parallel_the_first_claims_the_second_fails(
 
 
 @pytest.mark.parametrize("sensor_first", [True, False])
-def test_a_sensing_leaf_beside_a_motion_records_until_the_motion_ends(
+def test_a_sensing_leaf_in_parallel_with_a_motion_records_until_the_motion_ends(
     node, words, blackboard, robot, sensor_first
 ):
     children = [node("MeasureForces"), node("Go", z=0.28)]
@@ -83,7 +83,7 @@ def test_a_sensing_leaf_beside_a_motion_records_until_the_motion_ends(
     assert (blackboard.state.activity, blackboard.state.at) == ("still", "z = 0.28")
 
 
-def test_a_sensing_leaf_beside_a_sequence_of_motions_records_them_all(
+def test_a_sensing_leaf_in_parallel_with_a_sequence_of_motions_records_them_all(
     node, words, blackboard, robot
 ):
     motions = node("Sequence", node("Go", z=0.28), node("Go", z=0.25))

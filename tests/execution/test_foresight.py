@@ -62,7 +62,7 @@ def test_an_object_that_ended_elsewhere_is_believed_there() -> None:
     assert seen.settled("tree.children[4]", board(state)) is state
 
 
-def test_a_held_thing_is_corrected_in_the_hand_and_the_sag_of_the_arm_is_not() -> None:
+def test_a_held_object_is_corrected_in_the_hand_and_the_sag_of_the_arm_is_not() -> None:
     """The fingers centre the can by 8 mm; the arm sags by 5 mm."""
     sagged = TCP.translate((0.0, 0.0, -0.005))
     true = SCENE.body("can").pose_world.translate((0.0, 0.008, -0.005))
@@ -87,7 +87,7 @@ def test_a_correction_keeps_with_a_support_that_was_found_higher(rise: float) ->
     assert found.position == pytest.approx(true.translate((0.0, 0.0, rise)).position)
 
 
-def test_a_correction_is_in_the_frame_of_the_thing() -> None:
+def test_a_correction_is_in_the_frame_of_the_object() -> None:
     state = SymbolicState(SCENE)
     true = SCENE.body("can").pose_world.translate((0.004, 0.0, 0.0))
     shift = difference(state, "can", true, TCP)

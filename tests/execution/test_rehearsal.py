@@ -90,7 +90,7 @@ def test_a_body_that_tips_without_its_load_is_named_with_the_lift() -> None:
     assert (leaf.type, dict(leaf.args)) == ("MovePose", {"pose": "weight_pose + z_offset"})
 
 
-def test_a_scene_that_does_not_settle_is_said_to_be_so() -> None:
+def test_a_scene_that_does_not_settle_is_reported() -> None:
     cell = scene(BOARD)
     predicted = rehearse(weighing(cell, "can"), cell)
     assert predicted.path == "tree"
@@ -185,7 +185,7 @@ def test_an_object_that_ends_elsewhere_than_believed_is_a_finding() -> None:
     assert predicted.path == "tree.children[4]"
 
 
-def test_a_run_stops_where_something_that_no_scene_shows_is_in_the_thing() -> None:
+def test_a_run_stops_where_something_that_no_scene_shows_is_in_the_object() -> None:
     cell = scene(CAN)
     stuck = '<geom type="box" pos="0 0 -.04" size=".01 .01 .01" mass="1.4"/></body>'
     world = scene(CAN.replace("</body>", stuck))

@@ -181,7 +181,7 @@ def test_a_contact_counts_as_support_only_at_the_believed_height(
     assert ("mm above its support" in done.trace.leaves[-1].message) == (not put_down)
 
 
-def test_a_support_bears_more_than_the_weight_before_the_fingers_open(
+def test_a_support_carries_more_than_the_weight_before_the_fingers_open(
     plan, node, scene, robot, words, carrying
 ):
     """Some newtons, which tell a support from a touch, and no more than that, met at less than 2 cm/s."""

@@ -94,7 +94,9 @@ def test_a_contact_beyond_the_clients_threshold_is_a_reflex(client: Any, bench: 
     assert abs(passed(client, RESTS).O_F_ext_hat_K[2]) < 15.0
 
 
-def test_a_user_stop_in_motion_is_said_and_at_rest_only_shown(client: Any, bench: Served) -> None:
+def test_a_user_stop_in_motion_is_reported_and_at_rest_only_shown(
+    client: Any, bench: Served
+) -> None:
     bench.ask("user_stop", pressed=True)
     _until(client, franky.RobotMode.UserStopped)
     assert str(client.state.current_errors) == "[]"
@@ -107,7 +109,7 @@ def test_a_user_stop_in_motion_is_said_and_at_rest_only_shown(client: Any, bench
         client.recover_from_errors()
 
 
-def test_lost_commands_are_counted_and_borne(client: Any, bench: Served) -> None:
+def test_lost_commands_are_counted_and_tolerated(client: Any, bench: Served) -> None:
     tracking(client)
     bench.ask("lose", share=0.2)
     passed(client, 0.5)
@@ -191,7 +193,7 @@ def test_a_free_running_robot_does_not_wait() -> None:
         assert 0 <= counts["lost"] < counts["commanded"]
 
 
-def test_another_version_of_the_protocol_is_said() -> None:
+def test_another_version_of_the_protocol_is_reported() -> None:
     with (
         served(**files("bottle_and_table"), version=9) as bench,
         pytest.raises(franky.IncompatibleVersionException),
@@ -199,7 +201,7 @@ def test_another_version_of_the_protocol_is_said() -> None:
         connected(bench)
 
 
-def test_closed_brakes_are_said(client: Any, bench: Served) -> None:
+def test_closed_brakes_are_reported(client: Any, bench: Served) -> None:
     bench.ask("brakes", closed=True)
     _until(client, franky.RobotMode.Other)
     with pytest.raises(franky.CommandException, match="brakes"):

@@ -145,7 +145,7 @@ def test_meshes_that_are_large_together_are_refused(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["cloth.obj", "cloth.stl"])
-def test_points_of_a_flexible_thing_in_a_file_are_counted(name: str, tmp_path: Path) -> None:
+def test_points_of_a_flexible_object_in_a_file_are_counted(name: str, tmp_path: Path) -> None:
     content = stl(shards(2_000)) if name.endswith("stl") else b"v 0 0 0\n" * 5_000
     (tmp_path / name).write_bytes(content)
     cloth = f'<flexcomp name="a" type="mesh" file="{name}"/>'

@@ -137,7 +137,7 @@ def test_a_single_tag_determines_the_height_of_a_table(number: int) -> None:
 
 
 @pytest.mark.skipif(not gl_available()[0], reason="no OpenGL")
-def test_a_camera_without_a_place_or_a_name_is_said() -> None:
+def test_a_camera_without_a_place_or_a_name_is_reported() -> None:
     with pytest.raises(InputError, match="valid: over"):
         pp.see(scene(), "world:under")
     bare = parse_scene("<mujoco><worldbody><geom size='1'/></worldbody></mujoco>")

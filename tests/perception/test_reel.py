@@ -86,7 +86,7 @@ class Copy:
 
 
 @pytest.mark.parametrize("fails", ["the camera", "the shot", "a chunk", "the end", ""])
-def test_a_film_that_fails_ends_no_run_and_is_made_anew(
+def test_a_film_that_fails_ends_no_run_and_is_made_again(
     monkeypatch: pytest.MonkeyPatch, fails: str
 ) -> None:
     asked: list[str] = []

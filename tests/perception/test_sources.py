@@ -64,7 +64,9 @@ def test_a_stream_gives_the_newest_picture(lens: Path, monkeypatch: pytest.Monke
     assert (stream.latest() != first).any()
 
 
-def test_a_stream_that_ends_or_fails_is_said(lens: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_stream_that_ends_or_fails_is_reported(
+    lens: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(sources, "frames", lambda _: iter([sheet()]))
     monkeypatch.setattr(sources, "STALE", 0.0)
     stream = Stream("opencv:0", lens)

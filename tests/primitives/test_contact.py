@@ -42,7 +42,7 @@ def test_a_cover_is_pressed_through_until_the_table_stops_the_tips(tmp_path, bea
     assert np.abs(run.trace.samples.wrench[:, 2]).max() < bears + 16.0
 
 
-def test_a_cover_that_bears_all_of_a_firm_press_is_no_table(tmp_path) -> None:
+def test_a_cover_that_carries_a_firm_press_is_no_table(tmp_path) -> None:
     run = probed(tmp_path, 60.0, "lab", 0)
     assert run["table.height"].verdict == "contradicted"
     assert np.abs(run.trace.samples.wrench[:, 2]).max() < 35.0

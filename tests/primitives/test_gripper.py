@@ -247,7 +247,7 @@ def test_a_soft_object_is_recognised_by_its_width_without_a_force(stiffness, siz
     assert reason is None or reason in str(done.stopped_by)
 
 
-def test_an_object_that_never_left_its_support_is_released_whatever_the_joints_feel(scene) -> None:
+def test_an_object_that_never_left_its_support_is_released_for_any_joint_torques(scene) -> None:
     """Closing fingers push on the arm, and its joints' friction then looks like a weight of 2.5 N."""
     robot = MujocoRobot(scene.spec({}), scene.pose_world_base, scene.arm)
     faulty = FaultyRobot(robot, 0.0)

@@ -83,7 +83,7 @@ def _sequence(*steps: object) -> Node:
     return Node("Sequence", children=tuple(nodes))
 
 
-def test_a_probe_from_the_side_moves_the_grasp_to_the_thing() -> None:
+def test_a_probe_from_the_side_moves_the_grasp_to_the_object() -> None:
     """15 mm beside where it was seen to 4 mm: contradicted, and grasped within 2 mm of its middle."""
     state, robot = done((0.515, 0.1, 0.05), *BESIDE, *GRASP)
     (probe, fingers), belief = state.beliefs["cup"].touches, state.seen["cup"]
@@ -108,7 +108,7 @@ def test_a_probe_from_above_measures_the_height_of_the_top() -> None:
     assert not belief.contradiction
 
 
-def test_fingers_that_close_on_nothing_say_where_the_thing_was_seen() -> None:
+def test_fingers_that_close_on_nothing_say_where_the_object_was_seen() -> None:
     execution, _ = ended((0.5, -0.2, 0.05), "OpenGripper", *GRASP)
     assert (execution.stopped_by or "").endswith(
         "no object is between them; 'cup' was seen at (0.500, 0.100) m, to 12.0 mm (3 std)"

@@ -86,7 +86,7 @@ def test_a_request_that_compares_nothing_has_no_answer() -> None:
         ("I need the mass of the heavier can", "green_can: green_can"),
     ],
 )
-def test_yes_and_no_are_said_of_questions_that_name_both_sides(request_: str, said: str) -> None:
+def test_questions_that_name_both_sides_get_yes_or_no(request_: str, said: str) -> None:
     reply = answer(run_with(request_, red_can=0.2, green_can=0.3))
     assert reply is not None
     assert reply.startswith(said)

@@ -44,7 +44,7 @@ def folder(done: pp.Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Path) -> None:
+def test_the_estimates_of_a_stored_trace_are_made_again(done: pp.Run, folder: Path) -> None:
     before = {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()}
     again = pp.open(folder).estimate()
     assert again["mug.mass"].values == done["mug.mass"].values
@@ -55,7 +55,7 @@ def test_the_estimates_of_a_stored_trace_are_made_anew(done: pp.Run, folder: Pat
     assert {file: file.read_bytes() for file in folder.rglob("*") if file.is_file()} == before
 
 
-def test_no_estimates_are_made_anew_without_a_trace_or_of_another_version(
+def test_no_estimates_are_made_again_without_a_trace_or_of_another_version(
     done: pp.Run, folder: Path, tmp_path: Path
 ) -> None:
     with pytest.raises(pp.InputError, match="contrast, recording, rests-and-passes, single-shot"):
@@ -458,7 +458,7 @@ def test_a_property_that_nothing_measures_leaves_the_run_incomplete() -> None:
     assert "temperature" in run.shortfalls[0]
 
 
-def test_why_several_quantities_of_one_object_cannot_be_measured_is_said_of_each() -> None:
+def test_why_several_quantities_of_one_object_cannot_be_measured_is_reported_for_each() -> None:
     plan = pp.load(CRATE).plan(measure="crate.mass,crate.friction,mug.mass")
     (item,) = plan.unmeasured
     assert [str(parameter) for parameter in item.parameters] == ["crate.mass", "crate.friction"]

@@ -76,7 +76,7 @@ def test_the_wrist_is_turned_before_the_arm_is_moved():
         assert (there.requires(state) == []) == felt
 
 
-def test_the_arm_is_not_folded_anew_on_the_way():
+def test_the_arm_is_not_folded_again_on_the_way():
     """Half a metre nearer, the level hand would be too near to the arm's own shoulder."""
     near = pp.load(DRAWER.format(half=0.06, yaw=0.0).replace('pos="0.95', 'pos="0.62'))
     plan = near.plan(measure=["drawer.damping"])

@@ -230,7 +230,7 @@ def test_stacked_objects_are_put_down_next_to_one_another() -> None:
 
 
 @pytest.mark.parametrize("yaw", range(0, 180, 30))
-def test_beside_the_arm_the_tool_turns_from_home_as_base_and_wrist_do(yaw: float) -> None:
+def test_the_tool_at_the_side_of_the_arm_turns_with_base_and_wrist(yaw: float) -> None:
     model = scene(thing("a", box(0.05, 0.02, 0.02), x=0.1, y=0.45, half=0.02, yaw=yaw))
     pose = model.symbols.pose("a_pose")
     turned = float(np.arctan2(pose.rotation[1, 0], pose.rotation[0, 0]))

@@ -117,7 +117,7 @@ def test_a_bottle_is_as_wide_as_its_widest_part() -> None:
 
 
 @pytest.mark.parametrize("shift", [(0.35, 0.0), (0.3, 0.35), (-0.01, 0.45)])
-def test_a_box_far_from_its_thing_is_refused_with_how_far_and_how_large(
+def test_a_box_far_from_its_object_is_refused_with_how_far_and_how_large(
     shift: tuple[float, float],
 ) -> None:
     """Beyond the search distance, 12 % of the diagonal."""

@@ -91,7 +91,7 @@ def test_a_value_of_an_included_file_is_written_there(cell: Path, tmp_path: Path
     assert mass_in(tmp_path / "out/twin.xml", "mug") == pytest.approx(0.25)
 
 
-def test_beside_the_scene_only_changed_files_are_written(cell: Path) -> None:
+def test_only_changed_files_are_written_next_to_the_scene(cell: Path) -> None:
     twin = twin_of(cell / "scene.xml", mug=0.25, ball=0.1)
     before = {path: path.read_bytes() for path in cell.rglob("*.*")}
     written = twin.save(cell / "twin.xml")

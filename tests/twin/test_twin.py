@@ -141,7 +141,7 @@ def test_a_quantity_of_the_gripper_is_noted_and_not_written() -> None:
 
 
 @pytest.mark.parametrize(("value", "is_said"), [(0.502, True), (0.3, False)])
-def test_the_pair_of_a_friction_acts_and_is_said_where_the_support_may_decide(
+def test_the_pair_of_a_friction_acts_and_is_reported_where_the_support_may_decide(
     value: float, is_said: bool
 ) -> None:
     """On a table of 0.5: 0.3 acts although MuJoCo takes the larger; 0.502 may be the table's."""

@@ -68,7 +68,7 @@ def test_the_noise_files_are_noise_models(name: str) -> None:
     assert model.name == name.replace("_", " ")
 
 
-def test_an_innocent_world_is_identified_and_its_trace_estimated_anew(tmp_path: Path) -> None:
+def test_an_innocent_world_is_identified_and_its_trace_estimated_again(tmp_path: Path) -> None:
     (case,) = cases(["soft mat"], ["lab"], [1])
     (row,) = deceive([case], tmp_path / "out", traces=tmp_path / "traces")
     assert (row.outcome, row.crash, row.beyond) == ("identified", "", ())

@@ -84,7 +84,7 @@ def test_a_wrong_unit_in_a_name_is_refused(tmp_path: Path) -> None:
     assert read_log(tmp_path / "log.npz", columns).t[-1] == pytest.approx(T[-1])
 
 
-def test_the_better_of_two_clocks_is_said(tmp_path: Path) -> None:
+def test_the_better_of_two_clocks_is_reported(tmp_path: Path) -> None:
     """As `rostopic echo -p` writes them, in ns; and a stamp of two columns."""
     stamps = {"%time": 1e9 * (SINCE_1970 + T) + 5e6, "field.header.stamp": 1e9 * (SINCE_1970 + T)}
     log = read(tmp_path, **stamps, **{"field.position": Q, "field.effort": TAU})

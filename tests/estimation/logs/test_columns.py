@@ -189,7 +189,7 @@ def test_columns_of_unequal_length_are_refused(tmp_path: Path) -> None:
         read(tmp_path, {"q": Q.T, "tau": TAU.T})
 
 
-def test_an_unknown_word_in_the_names_is_said(tmp_path: Path) -> None:
+def test_an_unknown_word_in_the_names_is_reported(tmp_path: Path) -> None:
     log = read(tmp_path, {"motor_q": Q, "motor_dq": DQ, "motor_torque": TAU})
     assert is_arm(log, LEFT)
     assert log.notes == ("the columns are those of 'motor', as motor_q[0]",)

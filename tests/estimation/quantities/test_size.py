@@ -247,7 +247,7 @@ def test_an_extent_written_as_unknown_is_missing_and_filled(was, written):
     assert abs(np.array(truth) / found.bodies["crate"].size - 1.0).max() < 0.1 + 1e-9
 
 
-def test_the_radius_of_a_round_thing_is_two_extents():
+def test_the_radius_of_a_round_object_is_two_extents():
     text = D.replace('type="cylinder" size=".03 .05"', 'type="cylinder" size="? .05"')
     assert 'size="0.0305 .05"' in inject(text, {Parameter("can", "size"): (0.061, 0.061, 0.1)})
 

@@ -206,7 +206,7 @@ def test_fingertips_count_in_a_contact_as_their_models_do(arm):
     ("seed", "stiffness", "damping", "low", "told"),
     [(107, 86, 8, -0.0222, True), (113, 64, 2.4, -0.0124, False)],
 )
-def test_a_mat_that_hardly_bears_is_not_taken_for_the_surface_below(
+def test_a_very_soft_mat_is_not_taken_for_the_surface_below(
     tmp_path, seed, stiffness, damping, low, told
 ):
     """14 mm of a mat that bear 1.2 N above something rigid are told at `lab`; 4.4 mm that bear 0.3 N are

@@ -302,7 +302,7 @@ def test_an_obstacle_that_only_the_real_shape_shows_is_avoided_or_named() -> Non
 FLAT = '<body name="tin" pos="0.45 0 0.42"><freejoint/><geom type="box" size=".03 .03 .02" friction=".5"/></body>'
 
 
-def test_a_flat_thing_is_put_back_onto_a_table_of_unknown_height() -> None:
+def test_a_flat_object_is_put_back_onto_a_table_of_unknown_height() -> None:
     table = '<body name="table" pos="0.5 0 0.2"><geom type="box" size=".3 .3 ?"/></body>'
     scene = parse_scene(f"<mujoco><worldbody>{table}{FLAT}</worldbody></mujoco>")
     assert actions(planned(scene, "How heavy is the tin?").tree) == weigh("tin")

@@ -66,7 +66,7 @@ def test_half_of_the_friction_of_the_pads_must_hold_the_weight(
 
 
 @pytest.mark.parametrize("end", [-1, 1])
-def test_a_heavy_thing_held_at_its_end_is_to_be_grasped_nearer_to_its_middle(end: int) -> None:
+def test_a_heavy_object_held_at_its_end_is_to_be_grasped_nearer_to_its_middle(end: int) -> None:
     scene = at_rod(0.0, 0.0).scene
     step = np.linalg.norm(scene.symbols.offset("x_offset", "rod_pose"))
     at = f"rod_pose + {end * 0.07 / step:.2f}*x_offset".replace("+ -", "- ")

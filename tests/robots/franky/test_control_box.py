@@ -65,7 +65,7 @@ def listening(answer: bytes | None) -> Iterator[None]:
         yield
 
 
-def test_an_unreachable_robot_is_said_at_once_and_nothing_is_planned() -> None:
+def test_an_unreachable_robot_is_reported_at_once_and_nothing_is_planned() -> None:
     told: list[str] = []
     with pytest.raises(pp.Unavailable, match=r"cannot be used: Connection refused.*FCI in Desk"):
         pp.run(

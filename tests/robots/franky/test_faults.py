@@ -162,7 +162,7 @@ def test_a_frozen_control_box_is_noticed_and_taken_up_again(bench: Served) -> No
     assert "a person let the robot go on at" in before[0]
 
 
-def test_a_cut_connection_is_said_and_another_one_can_be_made(bench: Served) -> None:
+def test_a_cut_connection_is_reported_and_another_one_can_be_made(bench: Served) -> None:
     done, _ = ran(bench, Mishap("OpenGripper", lambda: bench.ask("hang_up")))
     assert re.search("network cable|not answer any more", stopped_by(done))
     bench.ask("recover")

@@ -234,14 +234,14 @@ def test_a_cartesian_course_is_in_the_bases_axes() -> None:
         ("odd", None, "RuntimeError: odd"),
     ],
 )
-def test_an_error_of_the_library_is_said_with_its_remedy(
+def test_an_error_of_the_library_is_reported_with_its_remedy(
     error: str, mode: str | None, said: str
 ) -> None:
     assert said in faults.of_error(RuntimeError(error), mode)
     assert faults.is_network(RuntimeError(error)) == ("connection" in said)
 
 
-def test_a_mode_in_which_the_arm_cannot_move_is_said_with_its_remedy() -> None:
+def test_a_mode_in_which_the_arm_cannot_move_is_reported_with_its_remedy() -> None:
     assert [faults.of_mode(state(0.0, mode=mode)) for mode in ("Idle", "Move")] == [None, None]
     for mode, said in (("UserStopped", "release the user stop"), ("Guiding", "take the hands off")):
         assert said in str(faults.of_mode(state(0.0, mode=mode)))
@@ -348,7 +348,7 @@ def test_the_first_sample_of_a_control_loop_is_waited_for() -> None:
     assert len(one.link.drain()) == 1
 
 
-def test_a_reflex_is_said_with_its_force_in_the_worlds_axes() -> None:
+def test_a_reflex_is_reported_with_its_force_in_the_worlds_axes() -> None:
     one = Listened()
     one.drive.last = 1.0
     thresholds = ARM.limits.reflexes.free

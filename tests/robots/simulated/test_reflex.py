@@ -156,7 +156,9 @@ def test_a_cautious_arm_hits_nothing_hard(
 
 
 @pytest.mark.parametrize("stiffness", [None, 1e6])
-def test_an_obstacle_met_slowly_bears_little_from_the_first_moment(stiffness: float | None) -> None:
+def test_an_obstacle_hit_slowly_gets_a_small_force_from_the_first_moment(
+    stiffness: float | None,
+) -> None:
     arm = among(BAR, stiffness)
     felt = watched(arm)
     go(arm, (0.5, 0.0, 0.185))

@@ -396,7 +396,7 @@ def test_the_same_run_gives_the_same_page(data: ReportData, tmp_path: Path) -> N
     assert (tmp_path / "a.html").read_bytes() == (tmp_path / "b.html").read_bytes()
 
 
-def test_pictures_that_look_alike_are_said_to(data: ReportData, tmp_path: Path) -> None:
+def test_equal_pictures_are_described_as_equal(data: ReportData, tmp_path: Path) -> None:
     page = page_of(replace(data, pictures=Pictures(None, picture(), picture())), tmp_path)
     assert "No visible change" in page.text
     assert len(page.all("img")) == 1

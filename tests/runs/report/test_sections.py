@@ -57,7 +57,7 @@ def held(weight: float) -> HeldOut:
 @pytest.mark.parametrize(
     ("weight", "way"), [(0.005, "5.0 ± 2.0 g more"), (-0.005, "5.0 ± 2.0 g less")]
 )
-def test_a_prediction_is_said_in_figures(weight: float, way: str) -> None:
+def test_a_prediction_is_reported_in_figures(weight: float, way: str) -> None:
     (shown,) = predictions(held(weight))
     assert shown.title == "The way down"
     for words in (
