@@ -36,10 +36,7 @@ NOTE = (
 
 
 def flat_schema(vocabulary: Vocabulary, with_scene: bool) -> Schema:
-    """Return the JSON schema of an answer.
-
-    It is strict (all fields required), without references and recursion.
-    """
+    """Return the JSON schema of an answer. It is strict (all fields required), without references and recursion."""
     node: Schema = {
         "id": _INTEGER,
         "type": {"type": "string", "enum": [*vocabulary.primitives, *vocabulary.composites]},
@@ -256,10 +253,7 @@ def rename(fields: dict[str, Any], name: str, others: Sequence[str]) -> None:
 
 
 def normalized_parameters(value: object) -> object:
-    """Return a list of parameters.
-
-    An object is one parameter, or a table of quantities by object.
-    """
+    """Return a list of parameters. An object is one parameter, or a table of quantities by object."""
     if isinstance(value, dict):
         fields = lower_keys(cast("dict[str, Any]", value))
         if "object" in fields or "quantity" in fields:
