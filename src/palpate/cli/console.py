@@ -187,7 +187,7 @@ class Voice:
     def heard(self) -> Generator[None]:
         """Apply the options inside the block."""
         logger = logging.getLogger("palpate")
-        level, quiet = logger.level, err.quiet
+        level, silent = logger.level, err.quiet
         # Change the logger and the console, and restore both after the block.
         handlers = list(self._handlers())
         err.quiet = self.quiet
@@ -199,7 +199,7 @@ class Voice:
         try:
             yield
         finally:
-            err.quiet = quiet
+            err.quiet = silent
             logger.setLevel(level)
             for handler in handlers:
                 logger.removeHandler(handler)
@@ -208,11 +208,11 @@ class Voice:
     def _handlers(self) -> Generator[logging.Handler]:
         if self.verbose or self.log is not None:
             # Details on stderr only with --verbose; warnings always.
-            spoken = logging.StreamHandler(sys.stderr)
-            spoken.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
+            handler = logging.StreamHandler(sys.stderr)
+            handler.setLevel(logging.DEBUG if self.verbose else logging.WARNING)
             # The live view shows these messages already: send them only to the log.
-            spoken.addFilter(lambda record: record.name != LIVE_LOGGER)
-            yield spoken
+            handler.addFilter(lambda record: record.name != LIVE_LOGGER)
+            yield handler
         if self.log is not None:
             try:
                 yield logging.FileHandler(self.log, encoding="utf-8")

@@ -54,8 +54,8 @@ def live_page(wanted: bool) -> Generator[LivePage | None]:
     try:
         from palpate.runs.report.live_page import LivePage
     except ImportError as error:
-        why = f"the live page needs viser: pip install 'palpate[live]' ({error})"
-        raise Unavailable(why) from None
+        reason = f"the live page needs viser: pip install 'palpate[live]' ({error})"
+        raise Unavailable(reason) from None
 
     with LivePage() as page:
         err.print(f"[dim]live[/] {page.url}", soft_wrap=True)
@@ -114,11 +114,11 @@ def resuming(progress: Progress) -> Callable[[str], bool]:
     Without a terminal it is refused.
     """
 
-    def may_resume(why: str) -> bool:
+    def may_resume(reason: str) -> bool:
         progress("the robot was stopped")
         if not sys.stdin.isatty():
             return False
-        err.print(visible(why), markup=False)
+        err.print(visible(reason), markup=False)
         return ask_yes_no("Have you seen what stopped it, and is the way clear? Let it go on?")
 
     return may_resume
@@ -174,8 +174,8 @@ def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
         say(f"{run.interrupted}{kept}: `palpate report` finishes it")
     elif run.status == "aborted" and run.execution is not None:
         # The table above already contains the reason.
-        why = f": {run.execution.stopped_by}" if as_json else ""
-        say(f"stopped{why}{kept}")
+        reason = f": {run.execution.stopped_by}" if as_json else ""
+        say(f"stopped{reason}{kept}")
     if run.lost:
         say(f"missing or damaged in '{run.folder}': {', '.join(run.lost)}; keep the values above")
         return EXIT["aborted"]

@@ -44,8 +44,8 @@ def show_estimates(
     columns, rows = (list(COLUMNS), [row for e in estimates for row in estimate_rows(e)])
     if truth:
         columns.append(TableColumn("truth", style="dim"))
-        trues = [cell for e in estimates for cell in _truth_cells(e, truth.get(e.parameter, ()))]
-        rows = [[*row, cell] for row, cell in zip(rows, trues, strict=True)]
+        truths = [cell for e in estimates for cell in _truth_cells(e, truth.get(e.parameter, ()))]
+        rows = [[*row, cell] for row, cell in zip(rows, truths, strict=True)]
     print_rows(columns, rows)
     for e in estimates:
         show_objection(e)

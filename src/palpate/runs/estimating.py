@@ -296,9 +296,9 @@ class Ahead:
             reached = find_evidence_span(recorder, name)
             if reached is not None and reached[1] < now and self._has_free_processor():
                 self._due.remove(name)
-                sofar = replace(self._run, recorded=recorder.snapshot())
+                snapshot_run = replace(self._run, recorded=recorder.snapshot())
                 with suppress(OSError):  # no process to be had
-                    self._copies[name] = Fork(partial(judge_object, sofar, name))
+                    self._copies[name] = Fork(partial(judge_object, snapshot_run, name))
                 return
 
     def results(self) -> Mapping[str, ObjectEstimates]:

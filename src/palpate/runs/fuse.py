@@ -108,8 +108,8 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
 def _left_out(source: Source) -> str:
     """Describe an estimate that is left out, with the reason."""
     estimate = source.estimate
-    why = estimate.contradiction or estimate.doubt or estimate.method
-    return f"{estimate.parameter} of {source.run} is {estimate.verdict}: {why}"
+    reason = estimate.contradiction or estimate.doubt or estimate.method
+    return f"{estimate.parameter} of {source.run} is {estimate.verdict}: {reason}"
 
 
 def arm_of(run: Run) -> str:

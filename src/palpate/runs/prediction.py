@@ -233,8 +233,8 @@ def bias_covariance(
     tilt = TILT * abs(float(wrench.value[0])) + FLOOR
     sideways = rows.wrench[:, SIDEWAYS] * np.array([tilt, tilt, tilt * TORQUE_LEVER])
     # A gain error acts on the load's torques, and it acted on the estimate of the wrench.
-    borne = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
-    gained = borne - design @ wrench.gains
+    load_part = (design @ wrench.value)[:, None] * gain_root(hand, signals)[rows.signal]
+    gained = load_part - design @ wrench.gains
     # Joint friction: the hysteresis of Dahl's model, and the wrench that sticks at rest.
     dahl = JOINT_LEVEL / len(SLIP_ANGLES) ** 0.5 * rows.dahl
     stuck = hand.force_repeatability * rows.stiction.stuck

@@ -211,12 +211,12 @@ def fixtures_without_grasp(
 
     They have no `given` grasp and no geom with a name of a handle, and the hand fits none of their geoms.
     """
-    why = (
+    reason = (
         "; no colliding geom has the name of a handle (handle, knob, grip, latch, lever), so all were tried: "
         "name one, or give a grasp in poses.yaml"
     )
     return {
-        name: grasp.problem + why
+        name: grasp.problem + reason
         for name, grasp in grasps.items()
         if grasp.problem and name not in given and not bodies[name].named_handle
     }

@@ -311,13 +311,14 @@ def _unusual_contacts(scene: Scene) -> Iterator[str]:
     flags = (mujoco.mjtDisableBit.mjDSBL_CONTACT, mujoco.mjtDisableBit.mjDSBL_CONSTRAINT)
     collides = not any(shapes.model.opt.disableflags & int(flag) for flag in flags)
     for name in scene.objects if collides else ():
-        tries = ((why, replace(shapes, model=model)) for why, model in variants.items())
-        placed = ((why, replace(bodies[name], shapes=variant)) for why, variant in tries)
-        why = next(
-            (why for why, body in placed if find_constraint(body) or standing_contacts(body)), above
+        tries = ((reason, replace(shapes, model=model)) for reason, model in variants.items())
+        placed = ((reason, replace(bodies[name], shapes=variant)) for reason, variant in tries)
+        reason = next(
+            (reason for reason, body in placed if find_constraint(body) or standing_contacts(body)),
+            above,
         )
-        if why:
-            yield f"'{name}' {why}."
+        if reason:
+            yield f"'{name}' {reason}."
     for name, body in bodies.items():
         ids = [shapes.geom_ids[geom] for geom in body.elements.colliding]
         for sliding in np.unique(shapes.model.geom_friction[ids, 0]).tolist():

@@ -232,10 +232,12 @@ class Symbols:
             raise self._unknown(name)
         pose = self._later(name)  # a search for a free spot takes time, so it is done on demand
         if pose is None:
-            why = "there is no free place within reach"
+            reason = "there is no free place within reach"
             if name.endswith("_across"):
-                why = f"turned by 90°, the hand does not fit '{self.subjects.get(name)}': no pose"
-            raise InputError(f"{why} for '{name}'; give one in poses.yaml")
+                reason = (
+                    f"turned by 90°, the hand does not fit '{self.subjects.get(name)}': no pose"
+                )
+            raise InputError(f"{reason} for '{name}'; give one in poses.yaml")
         return pose
 
     def _later(self, name: str) -> Pose | None:

@@ -163,8 +163,8 @@ def all_objections(
     # Every object that was in the hand must be requested, or be in the way.
     wanted = {parameter.object for parameter in expected}
     names = {leaf.context.holding for leaf in trace.leaves if leaf.context and leaf.context.holding}
-    if strangers := names - wanted - set(may_touch):
-        yield f"touched needlessly: {', '.join(sorted(strangers))}"
+    if unexpected := names - wanted - set(may_touch):
+        yield f"touched needlessly: {', '.join(sorted(unexpected))}"
 
 
 def acquired_parameters(trace: Trace, expected: Collection[Parameter]) -> Iterator[Parameter]:

@@ -103,11 +103,11 @@ def scenario_table(records: Iterable[TrialRecord]) -> Table:
         lambda record: (record.trial.scenario, record.trial.asked),
     )
     # One column for each planner, one row for each scenario.
-    askers = list(dict.fromkeys(asker for _, asker in whole))
+    planners = list(dict.fromkeys(asker for _, asker in whole))
     lines: list[Line] = []
     for name in dict.fromkeys(scenario for scenario, _ in whole):
         cells: list[TableCell] = []
-        for asker in askers:
+        for asker in planners:
             trials = whole.get((name, asker), [])
             outcomes = Counter(record.outcome for record in trials).most_common()
             cells.append(
@@ -119,7 +119,7 @@ def scenario_table(records: Iterable[TrialRecord]) -> Table:
         "nothing is stopped, and every value in the twin is within four of its stated standard "
         "deviations of the truth. Where nothing can be measured, a refusal is the success."
     )
-    return Table("Success by scenario", lead, askers, lines)
+    return Table("Success by scenario", lead, planners, lines)
 
 
 def rate_cell(rate: Rate | None, below: str = "") -> TableCell:
@@ -136,20 +136,20 @@ def rate_cell(rate: Rate | None, below: str = "") -> TableCell:
 def ablation_table(records: Sequence[TrialRecord]) -> Table | None:
     """Compare with the paper's table II, if any part of a prompt was left out."""
     rows = {(row.configuration, row.asked): row for row in table(records)}
-    askers = list(dict.fromkeys(asker for _, asker in rows))
+    planners = list(dict.fromkeys(asker for _, asker in rows))
     # Only configurations that were run.
-    done = [name for name in CONFIGURATIONS if any((name, asker) in rows for asker in askers)]
+    done = [name for name in CONFIGURATIONS if any((name, asker) in rows for asker in planners)]
     if len(done) < 2:
         return None
     # Two columns of the paper, then two for each planner.
     heads = ["paper: syntax", "paper: success"]
-    for asker in askers:
+    for asker in planners:
         heads += [f"{asker}: syntax", f"{asker}: success"]
     lines: list[Line] = []
     for name in done:
         syntax, success = ABLATION[name]
         cells = [TableCell(f"{syntax}/10"), TableCell("–" if success is None else f"{success}/10")]
-        for asker in askers:
+        for asker in planners:
             row = rows.get((name, asker))
             cells += (
                 [rate_cell(row.syntax), rate_cell(row.success)] if row else [TableCell("–")] * 2
@@ -197,9 +197,9 @@ def results_table(records: Sequence[TrialRecord]) -> Table:
         unit = "" if unit == "1" else unit
         spread = f" ± {stdev(values):.2g}" if len(values) > 1 else ""
         published = [TableCell(line.estimated), TableCell(line.truth)]
-        ours = TableCell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}")
+        measured_cell = TableCell(f"{fmean(values):.5g}{spread} {unit}", f"of {len(values)}")
         figures = [f"{fmean(stds):.2g} {unit}", f"{fmean(truths):.5g} {unit}"]
-        lines.append((line.name, [*published, ours, *map(TableCell, figures)]))
+        lines.append((line.name, [*published, measured_cell, *map(TableCell, figures)]))
     heads = ["paper", "paper: truth", "ours, mean ± SD of runs", "stated SD", "truth"]
     lead = (
         "Table IV: estimates of all successful trials. The paper's are of real objects; ours are of "

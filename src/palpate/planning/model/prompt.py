@@ -104,7 +104,7 @@ def named_poses(symbols: Symbols) -> str:
     lines += [f"{name}: joint configuration" for name in symbols.configurations]
     lines.append("Offsets, as vectors x y z in the world, m:")
     lines += _offsets(symbols)
-    lines += [f"{name} cannot be grasped: {why}" for name, why in symbols.ungraspable.items()]
+    lines += [f"{name} cannot be grasped: {reason}" for name, reason in symbols.ungraspable.items()]
     return "\n".join(lines)
 
 

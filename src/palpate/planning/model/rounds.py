@@ -144,11 +144,11 @@ def converse(
     left = rounds
     while plan is None or findings:
         # The budget and the number of rounds both end the dialogue.
-        why = may_go_on(conversation)
+        reason = may_go_on(conversation)
         if left == 0:
-            why = f"{rounds} round(s) of feedback were not enough"
-        if why:
-            raise PlanRejected(rejection(conversation, why))
+            reason = f"{rounds} round(s) of feedback were not enough"
+        if reason:
+            raise PlanRejected(rejection(conversation, reason))
         left -= 1
         plan, findings = once(feedback(findings), plan)
 
@@ -261,13 +261,13 @@ def replay_conversation(kept: Conversation, again: Conversation, judge: Judge) -
     return converse(again, message, ask, judge, left, critic=objection, question=question)
 
 
-def rejection(conversation: Conversation, why: str) -> str:
+def rejection(conversation: Conversation, reason: str) -> str:
     """Reason why a dialogue ended without a plan, with the last findings and text."""
     last = conversation.rounds[-1]
     # Quote the last findings and the beginning of the last answer.
     words = " ".join(last.answer.text.split())[:200]
     findings = "; ".join(last.findings[:3]) or "no plan"
     return (
-        f"{conversation.planner} gave no valid plan in {len(conversation.rounds)} answer(s) ({why}). "
+        f"{conversation.planner} gave no valid plan in {len(conversation.rounds)} answer(s) ({reason}). "
         f"Last: {findings}. It said: {words or 'nothing'}"
     )

@@ -396,8 +396,8 @@ def explanation(plan: AssembledPlan) -> list[str]:
     # One sentence per object that is carried to a temporary place or grasped at its balance point.
     for name in visited_objects(plan.tree, TEMPORARY):
         slides = any(visited_objects(plan.tree, axis, f"{name}{TEMPORARY}") for axis in SIDEWAYS)
-        why = "is on several surfaces and slides on one" if slides else "is in the way"
-        sentences.append(f"'{name}' {why}; it is carried to a free place and back.")
+        reason = "is on several surfaces and slides on one" if slides else "is in the way"
+        sentences.append(f"'{name}' {reason}; it is carried to a free place and back.")
     for name in visited_objects(plan.tree, BALANCE):
         sentences.append(f"'{name}' is grasped last at the balance point that the run estimates.")
     return [*sentences, *plan.omitted, "All objects are put back."]

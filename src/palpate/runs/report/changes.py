@@ -112,8 +112,8 @@ def change(before: bytes | None, after: bytes | None) -> Change | None:
         return Change(share, None)
     # Show the second picture in pale grey, and the changed pixels in the accent's colour.
     grey = other.mean(axis=2, keepdims=True)
-    pale = (0.45 * grey + 0.55 * 255).astype(np.uint8)
-    shown = np.repeat(pale, 3, axis=2)
+    faint = (0.45 * grey + 0.55 * 255).astype(np.uint8)
+    shown = np.repeat(faint, 3, axis=2)
     shown[differs] = (0.35 * other[differs] + 0.65 * np.array(MARK)).astype(np.uint8)
     return Change(share, png(shown))
 
