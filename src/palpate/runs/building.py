@@ -59,19 +59,19 @@ class PlanPart(NamedTuple):
     q: Array | None = None
 
 
-class Replayed(NamedTuple):
+class TemplateRun(NamedTuple):
     """Execution in the scene as given: the means of its recordings, and a shot for the film."""
 
     felt: Means
     shot: Shot
 
 
-def execute_in_given_scene(plan: Plan, scene: Scene) -> Replayed:
+def execute_in_given_scene(plan: Plan, scene: Scene) -> TemplateRun:
     """Execute a plan in the scene for which it was made."""
     from palpate.perception.film import Footage, Shot
 
     trace, world = _execute_part(scene, PlanPart(plan, scene))
-    return Replayed(mean_recordings(trace), Shot.of(Footage(world.model, tuple(world.frames))))
+    return TemplateRun(mean_recordings(trace), Shot.of(Footage(world.model, tuple(world.frames))))
 
 
 def replay_parts(parts: Sequence[PlanPart], world: Scene) -> Means:
@@ -239,7 +239,7 @@ def estimate_unasked_sizes(run: Run, scene: Scene) -> list[Estimate]:
     return [size for size in sizes if size is not None]
 
 
-def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[Replayed] | None]:
+def fork_given_execution(run: Run, cell: Cell) -> AbstractContextManager[Fork[TemplateRun] | None]:
     """Execute the plan in the scene as given, in parallel with the execution on the robot.
 
     None if the twin will not be validated, or if a real robot needs the processor.
@@ -257,7 +257,7 @@ def touch_twin(
     run: Run,
     planned_in: Scene,
     callbacks: RunCallbacks = SILENT,
-    given: Fork[Replayed] | None = None,
+    given: Fork[TemplateRun] | None = None,
 ) -> Run:
     """Validate the twin: execute the plan in it and in the scene as given, and compare with the run's recordings.
 

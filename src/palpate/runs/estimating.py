@@ -20,7 +20,7 @@ from palpate.estimation.evidence import find_evidence_span, remove_spoiled, sele
 from palpate.estimation.quantities.estimators import estimate_all, failed_estimate
 from palpate.execution.cell import Cell
 from palpate.primitives.base import Recorder
-from palpate.runs.building import Replayed
+from palpate.runs.building import TemplateRun
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.held_out import (
     HeldOut,
@@ -264,7 +264,7 @@ class Ahead:
     (`ObjectEstimates.key`).
     """
 
-    def __init__(self, run: Run, replay: Fork[Replayed] | None) -> None:
+    def __init__(self, run: Run, replay: Fork[TemplateRun] | None) -> None:
         """Start without estimates; `replay` is a fork that already runs."""
         self._run, self._replay = run, replay
         # Only objects are estimated ahead, each once.
@@ -318,7 +318,7 @@ class Ahead:
 
 
 def estimate_ahead(
-    run: Run, cell: Cell, replay: Fork[Replayed] | None
+    run: Run, cell: Cell, replay: Fork[TemplateRun] | None
 ) -> AbstractContextManager[Ahead | None]:
     """Make estimates while a simulated arm moves; None with a real one, which needs the processor.
 

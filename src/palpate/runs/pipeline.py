@@ -21,7 +21,7 @@ from palpate.execution.cell import Cell
 from palpate.planning.planner import Planner
 from palpate.primitives.base import Recorder
 from palpate.runs import workplace
-from palpate.runs.building import Replayed, build_twin, fork_given_execution, touch_twin
+from palpate.runs.building import TemplateRun, build_twin, fork_given_execution, touch_twin
 from palpate.runs.callbacks import SILENT, RunCallbacks
 from palpate.runs.estimating import Ahead, estimate, estimate_ahead, estimates
 from palpate.runs.executing import execute
@@ -182,7 +182,7 @@ class _Steps:
     cell: Cell | None = None  # of the execution; None if an earlier process executed the plan
     ahead: Ahead | None = None  # estimates that are computed during the execution
     darkroom: Darkroom | None = None  # film and pictures that are being rendered
-    given: Fork[Replayed] | None = None  # running execution in the scene before the measurement
+    given: Fork[TemplateRun] | None = None  # running execution in the scene before the measurement
     reel: Reel | None = None  # film that is being rendered
 
     def carry_out_all(self, run: Run) -> Run:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from palpate.common.files import writing
 from palpate.common.processes import Fork
 from palpate.execution.cell import Cell
-from palpate.runs.building import Replayed
+from palpate.runs.building import TemplateRun
 from palpate.runs.estimating import add_views
 from palpate.runs.executing import end_execution
 from palpate.runs.folder import default_folder, new_folder, read_json, write_files, write_json
@@ -36,7 +36,7 @@ def folder_for(settings: Settings) -> Path:
 
 
 def film_while_moving(
-    run: Run, cell: Cell, given: Fork[Replayed] | None
+    run: Run, cell: Cell, given: Fork[TemplateRun] | None
 ) -> AbstractContextManager[Reel | None]:
     """Render the film of the execution while the arm moves; None if there is no film.
 
