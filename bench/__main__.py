@@ -12,7 +12,7 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 import typer
 
 from palpate.cli.command import command
-from palpate.cli.console import aside
+from palpate.cli.console import print_dim
 from palpate.cli.options import AsJson
 from palpate.common.errors import InputError
 
@@ -103,7 +103,7 @@ def faults(
     if out is None:
         raise InputError("a campaign needs a folder for its rows and its page; add --out DIR")
     order = Order(out, count, execute, bypass_check, seed, workers)
-    show_campaign(conduct(kind, order, aside), as_json)
+    show_campaign(conduct(kind, order, print_dim), as_json)
 
 
 @command(app)
@@ -155,7 +155,7 @@ def deceptions(
     from bench.show import show_deceptions
 
     chosen = study.cases(names or world.deceptions(), noise, range(seed, seed + seeds))
-    show_deceptions(study.deceive(chosen, out, workers, traces, aside), as_json)
+    show_deceptions(study.deceive(chosen, out, workers, traces, print_dim), as_json)
 
 
 @command(app)

@@ -31,7 +31,7 @@ from palpate.planning.model.prompt import (
     SYSTEM_MODULES,
     Prompt,
     Style,
-    checked_style,
+    check_style,
     compose,
     fence,
     system_prompt,
@@ -254,7 +254,7 @@ def test_the_lean_prompt_has_the_papers_modules_and_no_recipe() -> None:
 
 def test_an_unknown_prompt_style_lists_the_valid_ones() -> None:
     with pytest.raises(InputError, match=r"unknown prompt 'fat'.*full, lean"):
-        checked_style("fat")
+        check_style("fat")
 
 
 def test_comments_of_the_scene_may_be_left_out() -> None:

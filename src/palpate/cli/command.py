@@ -45,7 +45,7 @@ def command(app: typer.Typer, name: str | None = None) -> Callable[[Function], F
             # Convert errors and signals to messages and exit statuses.
             with interrupts() as signals:
                 try:
-                    with signals.raise_in_block(), voice.heard():
+                    with signals.raise_in_block(), voice.apply():
                         # The options of a group become one argument.
                         gathered = {name: group.gather(given) for name, group in groups.items()}
                         function(**given, **gathered)

@@ -75,7 +75,7 @@ def print_error(error: PalpateError, as_json: bool) -> int:
     """Print an error as a line on stderr; with `as_json` also as an object on stdout. Return the exit status."""
     status, message = exit_status(error), redact(in_flags(str(error)))
     if as_json:
-        with printing():
+        with guard_printing():
             print_failure(message, status)
     say(message)
     return status
@@ -93,14 +93,14 @@ def say(line: str) -> None:
         print(f"palpate: {visible(line)}", file=sys.stderr, flush=True)
 
 
-def aside(line: str) -> None:
+def print_dim(line: str) -> None:
     """Print a dim line on stderr: progress, or the path of a file."""
     err.print(Text(line, "dim"), soft_wrap=True)
 
 
 @contextmanager
-def printing() -> Generator[None]:
-    """Print results inside the block. A failure to print is reported on stderr, and the exit status stays."""
+def guard_printing() -> Generator[None]:
+    """Report a failure to print inside the block on stderr; the exit status stays."""
     try:
         yield
         sys.stdout.flush()
@@ -184,7 +184,7 @@ class Voice:
     ] = None
 
     @contextmanager
-    def heard(self) -> Generator[None]:
+    def apply(self) -> Generator[None]:
         """Apply the options inside the block."""
         logger = logging.getLogger("palpate")
         level, silent = logger.level, err.quiet

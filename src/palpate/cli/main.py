@@ -98,9 +98,9 @@ def _flush_stdout() -> bool:
     try:
         sys.stdout.flush()
     except OSError:
-        from palpate.cli.console import printing
+        from palpate.cli.console import guard_printing
 
-        with printing():
+        with guard_printing():
             sys.stdout.flush()
         return False
     return True
@@ -132,7 +132,7 @@ def _report_error(error: Exception) -> int:
 
 def usage(error: Any, as_json: bool = False) -> int:
     """Print a usage error in the command line library's words, with --json also as JSON. Return the exit status."""
-    from palpate.cli.console import print_failure, printing
+    from palpate.cli.console import guard_printing, print_failure
     from palpate.common.display import visible
 
     # The library's errors can show themselves with a usage line.
@@ -146,7 +146,7 @@ def usage(error: Any, as_json: bool = False) -> int:
     else:
         print(f"palpate: {visible(str(error))}", file=sys.stderr)
     if as_json:
-        with printing():
+        with guard_printing():
             print_failure(error.format_message() if show else str(error), status)
     return status
 

@@ -13,10 +13,10 @@ from palpate.cli.console import (
     err,
     escape,
     figure_table,
+    guard_printing,
     in_flags,
     out,
     print_json,
-    printing,
 )
 from palpate.common.display import to_json
 from palpate.common.errors import InputError
@@ -43,7 +43,7 @@ SHOWN = {
 
 def show_calibration(done: Calibration, as_json: bool) -> None:
     """Print every figure before and after, and the path of the file."""
-    with printing():
+    with guard_printing():
         if as_json:
             seconds = round(done.robot_seconds, 2)
             content = {"file": done.file, "robot_seconds": seconds, "figures": done.figures}
@@ -103,7 +103,7 @@ def mass_of(hand: str) -> float | None:
 
 def show_dynamics(dynamics: ArmDynamics, written: Sequence[Path], as_json: bool) -> None:
     """Print the figures of each joint, the hand, and the held-out torque; or all of it as JSON."""
-    with printing():
+    with guard_printing():
         if as_json:
             print_json({**dynamics.record(), "files": [str(path) for path in written]})
             return
@@ -175,7 +175,7 @@ NO_FIGURE = "–"
 
 def show_noise(noise: ArmNoise, written: Path | None, as_json: bool) -> None:
     """Print every figure of the recording with its interval, and below it those of the models."""
-    with printing():
+    with guard_printing():
         if as_json:
             print_json({**noise.record(), "file": None if written is None else str(written)})
             return
@@ -223,7 +223,7 @@ def _noise_cell(value: float, factor: float) -> str:
 
 def show_seen(seen: Seen, written: Path | None, as_json: bool) -> None:
     """Print the pose of every object that was seen, and the names of the others."""
-    with printing():
+    with guard_printing():
         if as_json:
             rest = {"unseen": list(seen.unseen), "notes": list(seen.notes), "noise_px": seen.noise}
             print_json(seen.content | rest)

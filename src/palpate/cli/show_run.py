@@ -8,7 +8,7 @@ from collections.abc import Callable, Generator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
-from palpate.cli.console import EXIT, ask_yes_no, err, escape, out, print_json, printing, say
+from palpate.cli.console import EXIT, ask_yes_no, err, escape, guard_printing, out, print_json, say
 from palpate.cli.show_plan import print_plan, show_notes, show_proposal, understood
 from palpate.cli.show_stored import show_estimates
 from palpate.common.display import visible
@@ -150,7 +150,7 @@ class ValuesFirst:
             for estimate in run.estimates:
                 err.print(escape(f"final: {repr(estimate).strip('<>')}"), soft_wrap=True)
             return
-        with printing():
+        with guard_printing():
             _show_values(run)
             # Explain the difference between live values and the table.
             if run.trace_if_any is not None and run.trace_if_any.conversions:
@@ -165,7 +165,7 @@ def show_result(run: Run, as_json: bool, values_shown: bool = False) -> int:
 
     `values_shown` leaves out the values, which were printed before.
     """
-    with printing():
+    with guard_printing():
         show_run(run, as_json, values_shown)
     for line in run.shortfalls:
         say(line)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from palpate.cli.command import command
-from palpate.cli.console import Ticker, aside
+from palpate.cli.console import Ticker, print_dim
 from palpate.cli.options import MODEL, AsJson, Fields, settings
 from palpate.runs.settings import settings_of
 
@@ -84,7 +84,7 @@ class SeedOptions:
         from palpate.studies.accuracy_page import write_page
 
         if self.out is not None and (page := write_page(self.out)):
-            aside(f"page: {page}")
+            print_dim(f"page: {page}")
 
 
 @dataclass(frozen=True)
@@ -133,13 +133,13 @@ class TrialOptions:
                 conditions,
                 trials,
                 in_flight=self.workers,
-                say=aside,
+                say=print_dim,
                 prompts=prompts,
             )
         finally:
             # Also after an error: the page shows the finished trials.
             if page := write_page(self.out):
-                aside(f"page: {page}")
+                print_dim(f"page: {page}")
         show_trials(summary, published, as_json)
 
 

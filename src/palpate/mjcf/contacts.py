@@ -229,11 +229,11 @@ def find_softness_override(body: BodyDescription) -> str:
 
 
 def fingertip_mass(body: BodyDescription) -> float:
-    """Compute the mass, kg, as which MuJoCo rates the fingertips in a contact with a surface.
+    """Compute the effective mass, kg, of the fingertips in MuJoCo's contact with a surface.
 
     It is `FINGERTIPS`, except with a pyramidal cone, whose edges carry 2 / (mu² (1 + mu²)) of it at
-    friction mu. It is computed by MuJoCo itself: the force at rest, aref / R of every row, of a ball of
-    that mass on a plate with the contact parameters of the surface.
+    friction mu. MuJoCo computes it here: the force at rest, aref / R of every row, of a ball of that
+    mass on a plate with the contact parameters of the surface.
     """
     model, geom = body.shapes.model, body.shapes.geom_ids[body.carrier]
     # A plate with the surface's contact parameters, and a ball pressed into it.

@@ -164,7 +164,7 @@ def _parameter(name: str, scene: Scene) -> Parameter:
     if not dot and name in bodies:
         raise InputError(f"measure={name} names no quantity. {HINT.replace('bottle', name)}")
     if object not in bodies:
-        why = scene.resolved.description.why_no_body(object or name)
+        why = scene.resolved.description.explain_refusal(object or name)
         raise unknown_name("object or surface in measure=", object or name, bodies, why or HINT)
     # Suggest the quantity of a synonym.
     if id not in scene.catalogue:

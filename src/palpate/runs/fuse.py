@@ -96,7 +96,9 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
             if parameter in run
         ]
         sources = [source for source in candidates if source.estimate.is_evidence]
-        left_out += [_left_out(source) for source in candidates if not source.estimate.is_evidence]
+        left_out += [
+            _explain_omission(source) for source in candidates if not source.estimate.is_evidence
+        ]
         # A prior is no evidence: without an identified estimate there is no fused value.
         unknown = not_identified(parameter, candidates[0].estimate.unit, "No run identified it.")
         fused = fuse(sources) if sources else unknown
@@ -105,7 +107,7 @@ def fuse_runs(runs: Sequence[Run]) -> Fusion:
     return Fusion(tuple(runs), names, tuple(estimates), tuple(left_out), twin)
 
 
-def _left_out(source: Source) -> str:
+def _explain_omission(source: Source) -> str:
     """Describe an estimate that is left out, with the reason."""
     estimate = source.estimate
     reason = estimate.contradiction or estimate.doubt or estimate.method

@@ -62,7 +62,7 @@ class BelievedValue:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class PredictedSignal:
-    """A motion in n rows: k bins for each of m signals."""
+    """Prediction of a held-out motion in n rows: k bins for each of m signals."""
 
     t: Array  # (k,) s
     measured: Array  # (m, k) effect of the load on the signals, from the loaded and the empty hand

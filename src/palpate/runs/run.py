@@ -230,17 +230,17 @@ class Run(Estimates):
     def trace(self) -> Trace:
         """The trace. Raises InputError: nothing was recorded; the message says why."""
         if self.trace_if_any is None:
-            raise InputError(f"this run has no trace: {self._why_not()}")
+            raise InputError(f"this run has no trace: {self._explain_missing_result()}")
         return self.trace_if_any
 
     @property
     def twin(self) -> Twin:
         """The finished scene. Raises InputError: no twin was built; the message says why."""
         if self.finished is None:
-            raise InputError(f"this run has no twin: {self._why_not()}")
+            raise InputError(f"this run has no twin: {self._explain_missing_result()}")
         return self.finished
 
-    def _why_not(self) -> str:
+    def _explain_missing_result(self) -> str:
         """Explain why the run lacks a result."""
         if self.plan.satisfied:
             return f"nothing was to be measured ({self.plan.explanation})"

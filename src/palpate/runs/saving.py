@@ -113,7 +113,7 @@ def reopen(folder: Path, made_again: bool = False) -> Run:
 
 
 def add_footage(run: Run) -> Run:
-    """Return the run with footage rendered from its trace, for a film."""
+    """Render footage for a film from the trace of the run."""
     from palpate.perception.posed import played_again
 
     trace = run.trace_if_any

@@ -101,7 +101,7 @@ class Slide(OfObject):
             world.at(LOW),
             lambda data: data.time > 0.2 and world.is_at_rest(data),
         )
-        return slid(world, done, self.direction)
+        return slide_distance(world, done, self.direction)
 
 
 class SpringPush(OfObject):
@@ -139,7 +139,7 @@ class SpringPush(OfObject):
         done = world.run(
             force, world.at(LOW), lambda data: data.time > arrival and world.is_at_rest(data)
         )
-        return slid(world, done, self.direction)
+        return slide_distance(world, done, self.direction)
 
 
 class Topple(ThresholdTask[PhysicsTrial], OfObject):
@@ -209,7 +209,7 @@ Tasks = Sequence[Sequence[type[Task[World]]]]
 TASKS: Tasks[PhysicsTrial] = ((Slide, SpringPush), (Topple,), (Throw,))
 
 
-def slid(world: PhysicsTrial, done: mujoco.MjData, direction: Array) -> float:
+def slide_distance(world: PhysicsTrial, done: mujoco.MjData, direction: Array) -> float:
     """Distance along `direction`, m; infinite for an object that tipped over or fell."""
     # An upright object at its former height has slid.
     displacement = world.displacement(done)

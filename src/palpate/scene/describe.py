@@ -142,7 +142,7 @@ class Description:
     lowered: tuple[str, ...]  # names of the lowered bodies
     refused: dict[str, str]  # named static bodies that are no surfaces, with the reason
 
-    def why_no_body(self, name: str) -> str:
+    def explain_refusal(self, name: str) -> str:
         """Sentence with the reason why a body of the file is not measured; empty for others."""
         # Reasons by name of the body; the request may use a part of the name.
         roles = self.roles

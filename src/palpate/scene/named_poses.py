@@ -131,7 +131,8 @@ def _poses(geometry: Geometry, grasps: Mapping[str, Grasp], entries: Poses) -> d
 
 
 def _later(geometry: Geometry, poses: Mapping[str, Pose]) -> dict[str, Callable[[], Pose | None]]:
-    """Functions for poses on demand that poses.yaml does not give: temporary, above objects, and across."""
+    """Functions that compute poses on demand: temporary ones, poses above objects, and grasps turned by 90°.
+    Poses in poses.yaml are left out."""
     later: dict[str, Callable[[], Pose | None]] = {}
     for name in geometry.objects:
         pose = poses[f"{name}_pose"]

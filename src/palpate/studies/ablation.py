@@ -8,7 +8,7 @@ from itertools import product
 from pathlib import Path
 
 from palpate.common.errors import unknown_name
-from palpate.planning.model.prompt import checked_style
+from palpate.planning.model.prompt import check_style
 from palpate.studies.attempt import Conditions, attempt
 from palpate.studies.scenarios.catalogue import scenario, scenarios
 from palpate.studies.trials import PlannerTrial, TrialRecord, run_trials
@@ -83,7 +83,7 @@ def ablation(
     # All trials share the conditions; pictures are saved next to the results.
     conditions = replace(conditions, records_file=file)
     critic = conditions.model_settings.critic or ""
-    styles = [checked_style(prompt) for prompt in prompts]
+    styles = [check_style(prompt) for prompt in prompts]
     each = product(chosen(names), planners, styles, configurations, range(trials))
     wanted = [
         PlannerTrial(scenario, planner, configuration, i, prompt, critic)

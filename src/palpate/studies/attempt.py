@@ -11,7 +11,7 @@ from typing import Any, cast
 
 from palpate.common.errors import InputError
 from palpate.planning.model.answer import read_answer
-from palpate.planning.model.prompt import checked_style
+from palpate.planning.model.prompt import check_style
 from palpate.planning.model.settings import ModelSettings
 from palpate.planning.plan import Plan
 from palpate.planning.planner import Observant, PlannerSettings
@@ -60,7 +60,7 @@ def attempt(trial: PlannerTrial, without: frozenset[str], conditions: Conditions
     asking = replace(
         conditions.model_settings,
         without=without,
-        prompt=checked_style(trial.prompt),
+        prompt=check_style(trial.prompt),
         comments=False,  # comments in a scenario's MJCF may state the answer
     )
     settings = task.settings(

@@ -22,7 +22,7 @@ from palpate.mjcf.reading import read_document
 from palpate.robots.description import compile_mjcf, triple
 from palpate.trace.recording import ChainLink
 from palpate.twin.files import write_files
-from palpate.twin.text import rewritten
+from palpate.twin.text import rewrite
 
 # Attributes of a joint, by figure. A figure that is not significantly above 0 keeps the value in
 # the file: sensors behind the gears do not show the inertia of the motors.
@@ -53,7 +53,7 @@ def save_arm(fit: DynamicsFit, path: Path) -> tuple[Path, ...]:
         )
     # Edit joints and links in the arm's own text.
     document = read_document(fit.arm.mjcf)
-    texts = rewritten(document, [*_joints(fit, document), *_links(fit, document)])
+    texts = rewrite(document, [*_joints(fit, document), *_links(fit, document)])
     return write_files(texts, document, path)
 
 

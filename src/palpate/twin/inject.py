@@ -31,7 +31,7 @@ from palpate.scene.poses import Poses
 from palpate.scene.resolve import changes
 from palpate.scene.scene import Scene
 from palpate.twin.files import one_text
-from palpate.twin.text import as_text, rewritten, write_records
+from palpate.twin.text import as_text, rewrite, write_records
 
 # Relative tolerance: single precision of meshes, and seven digits of shares that add up to a value.
 ROUNDED = 1e-5
@@ -254,7 +254,7 @@ def _inject_values(
     edits = list(changes(description.bodies, quantities, values, {}, deviations(records)))
     edits += shifts
     edits += remove_leftovers(description, quantities, values, edits)
-    texts = rewritten(description.document, edits)
+    texts = rewrite(description.document, edits)
     return replace(texts, main=write_records(texts.main, records))
 
 
@@ -293,7 +293,7 @@ def iter_misread(
     """Find values that the compiled file does not reproduce, each with the reason.
 
     Args:
-        before: description of the document into which they were written.
+        before: description of the document before the edits.
         texts: with the values.
         values: written.
         std: their standard deviations.

@@ -40,22 +40,22 @@ MAX_SENTENCE = 1000  # Characters of a method that are kept
 Attributes = Mapping[tuple[int, str], str | None]
 
 
-def rewritten(document: Document, edits: Sequence[Change]) -> Texts:
+def rewrite(document: Document, edits: Sequence[Change]) -> Texts:
     """Make the changes in the document's texts, each in the file of its element, and change nothing else."""
     # Collect the edits of each file; None is the main text.
     by_file: dict[Path | None, list[Change]] = {None: []}
     for edit in edits:
         element = edit.parent if isinstance(edit, Insert) else edit.element
         by_file.setdefault(document.index[element].file, []).append(edit)
-    main = _rewritten(document, document.text, by_file.pop(None))
+    main = _rewrite(document, document.text, by_file.pop(None))
     parts: dict[Path, str] = {}
     for file, changes in by_file.items():
         if file is not None:
-            parts[file] = _rewritten(document, document.texts[file], changes)
+            parts[file] = _rewrite(document, document.texts[file], changes)
     return Texts(main, parts)
 
 
-def _rewritten(document: Document, text: str, edits: Sequence[Change]) -> str:
+def _rewrite(document: Document, text: str, edits: Sequence[Change]) -> str:
     """Make the changes in the text of one file."""
     tags = scan(text)
     data = text.encode("utf-8")

@@ -3,7 +3,7 @@ from collections import Counter
 import pytest
 
 from palpate.estimation.quantities.catalogue import PURPOSES, catalogue, quantities_by_verb
-from palpate.planning.model.prompt import filled_module, system_prompt
+from palpate.planning.model.prompt import fill_module, system_prompt
 from palpate.planning.request.words import languages
 from palpate.primitives.registry import vocabulary
 
@@ -25,7 +25,7 @@ def test_purposes_with_tilting_need_all_axes_of_the_centre_of_mass(verb: str) ->
 def test_the_common_purposes_are_in_the_prompts(verb: str) -> None:
     for text in (
         system_prompt(vocabulary()),
-        filled_module("critic.md", vocabulary(), "full"),
+        fill_module("critic.md", vocabulary(), "full"),
     ):
         assert any(verb in str(p) and str(p) in text for p in PURPOSES)
 

@@ -157,7 +157,7 @@ def without_reasoning(text: str) -> str:
     return "".join(kept) + ("" if inside else text[position:])
 
 
-def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
+def decode_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
     """Yield attempts to decode the outermost JSON objects in a text.
 
     Each attempt has a start, an end, the value, and the error if the value is None.
@@ -176,7 +176,7 @@ def decoded_objects(text: str) -> Iterator[tuple[int, int, object, str]]:
 
 def json_objects(text: str) -> Iterator[dict[str, Any]]:
     """Yield the outermost JSON objects in an answer, without its reasoning."""
-    for _, _, value, _ in decoded_objects(without_reasoning(text)):
+    for _, _, value, _ in decode_objects(without_reasoning(text)):
         if isinstance(value, dict):
             yield cast("dict[str, Any]", value)
 
@@ -192,7 +192,7 @@ def plan_object(text: str) -> tuple[str, dict[str, Any]]:
     candidate: tuple[str, dict[str, Any]] | None = None
     problem = QUOTES if _QUOTED.search(text) else NO_JSON
     furthest = 0
-    for start, end, whole, fault in decoded_objects(text):
+    for start, end, whole, fault in decode_objects(text):
         value = unwrap_plan(whole)
         if is_plan(value):  # the first may be a draft: keep the last
             candidate = (text[start:end], cast("dict[str, Any]", value))

@@ -219,7 +219,7 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         rename(fields, "tree", TREE)
     rename(fields, "parameters", PARAMETERS)
     if "parameters" in fields:
-        fields["parameters"] = normalized_parameters(fields["parameters"])
+        fields["parameters"] = normalize_parameters(fields["parameters"])
     if isinstance(fields.get("outcome"), str):
         fields["outcome"] = fields["outcome"].strip().lower()
     # `nodes` is the flat form, or a synonym of `tree`.
@@ -229,9 +229,9 @@ def normalize_plan(document: Mapping[str, Any]) -> dict[str, Any]:
         if "tree" not in fields and listed and not is_flat(listed):
             fields["tree"] = fields.pop("nodes")
         else:
-            fields["nodes"] = assign_ids([normalized_flat_node(node) for node in listed])
+            fields["nodes"] = assign_ids([normalize_flat_node(node) for node in listed])
     if "tree" in fields:
-        fields["tree"] = normalized_tree(from_text(fields["tree"]))
+        fields["tree"] = normalize_tree(from_text(fields["tree"]))
     return fields
 
 
@@ -252,7 +252,7 @@ def rename(fields: dict[str, Any], name: str, others: Sequence[str]) -> None:
         fields[name] = fields.pop(given[0])
 
 
-def normalized_parameters(value: object) -> object:
+def normalize_parameters(value: object) -> object:
     """Return a list of parameters. An object is one parameter, or a table of quantities by object."""
     if isinstance(value, dict):
         fields = lower_keys(cast("dict[str, Any]", value))
@@ -266,10 +266,10 @@ def normalized_parameters(value: object) -> object:
             ]
     if not isinstance(value, list):
         return value
-    return [normalized_parameter(item) for item in cast("list[object]", value)]
+    return [normalize_parameter(item) for item in cast("list[object]", value)]
 
 
-def normalized_parameter(item: object) -> object:
+def normalize_parameter(item: object) -> object:
     """Return a parameter as an object; `"cup.mass"` is split and a unit removed."""
     # The short form `object.quantity`, which may be the only field.
     if isinstance(item, dict) and len(fields := cast("dict[str, object]", item)) == 1:
@@ -309,7 +309,7 @@ def from_text(value: object) -> object:
         return value
 
 
-def normalized_tree(value: object) -> object:
+def normalize_tree(value: object) -> object:
     """Normalize every node of a tree and remove a wrapping root.
 
     A list is a Sequence; a list of one node is that node.
@@ -317,19 +317,19 @@ def normalized_tree(value: object) -> object:
     if isinstance(value, list):
         listed = cast("list[object]", value)
         if len(listed) == 1 and isinstance(listed[0], dict):
-            return normalized_tree(cast("object", listed[0]))
-        return normalized_tree({"type": "Sequence", "children": listed})
+            return normalize_tree(cast("object", listed[0]))
+        return normalize_tree({"type": "Sequence", "children": listed})
     if not isinstance(value, dict):
         return value
     value = expand_node(cast("dict[str, Any]", value))
-    node = normalized_node(cast("dict[str, Any]", value))
+    node = normalize_node(cast("dict[str, Any]", value))
     children: object = node.get("children")
     # Remove a root field or a root node with one child.
     if set(node) <= {"root", "name"} and "root" in node:
-        return normalized_tree(node["root"])
+        return normalize_tree(node["root"])
     if isinstance(children, list):
         node["children"] = [
-            normalized_tree(expand_node(each)) for each in cast("list[object]", children)
+            normalize_tree(expand_node(each)) for each in cast("list[object]", children)
         ]
         if plain(node.get("type")) in _ROOTS and len(node["children"]) == 1:
             return node["children"][0]
@@ -396,7 +396,7 @@ def assign_ids(nodes: Sequence[object]) -> list[object]:
     return numbered_nodes
 
 
-def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
+def normalize_node(value: Mapping[str, Any]) -> dict[str, Any]:
     """Return the fields of a node in normal form.
 
     The type is as declared, the arguments are on its level, and optional fields are not null.
@@ -433,7 +433,7 @@ def normalized_node(value: Mapping[str, Any]) -> dict[str, Any]:
     return node
 
 
-def normalized_flat_node(item: object) -> object:
+def normalize_flat_node(item: object) -> object:
     """Return a node of the flat form with integer ids."""
     if not isinstance(item, dict):
         return item
@@ -443,7 +443,7 @@ def normalized_flat_node(item: object) -> object:
             return int(value)
         return value
 
-    node = normalized_node(cast("dict[str, Any]", item))
+    node = normalize_node(cast("dict[str, Any]", item))
     if "id" in node:
         node["id"] = number(node["id"])
     if isinstance(node.get("children"), list):

@@ -111,7 +111,7 @@ class VlmPlanner:
             question=question,
         )
         # Note repeated measurements and a failed critic.
-        notes, critique = (*plan.notes, *measured_again(plan, scene)), conversation.critique
+        notes, critique = (*plan.notes, *notes_on_known_values(plan, scene)), conversation.critique
         if critique is not None and critique.error:
             notes = (*notes, f"No critic read the plan: {critique.error}")
         return replace(plan, planner=conversation.planner, notes=notes)
@@ -225,7 +225,7 @@ class VlmPlanner:
         return self.seen.scene()
 
 
-def measured_again(plan: Plan, scene: Scene | None) -> tuple[str, ...]:
+def notes_on_known_values(plan: Plan, scene: Scene | None) -> tuple[str, ...]:
     """Notes on the plan's parameters that the scene states."""
     if scene is None:
         return ()

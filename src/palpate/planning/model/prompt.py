@@ -242,7 +242,7 @@ def compose(
         InputError: an unknown module in `without`, neither a request nor a scene, or a too long
             scene.
     """
-    removed = checked_modules(without)
+    removed = check_modules(without)
     if not (request.strip() or scene):
         raise InputError(
             "there is neither a request nor a scene; give a sentence, an MJCF file, or both"
@@ -271,7 +271,7 @@ def compose(
     return Prompt(system_prompt(vocabulary, removed, style), "\n\n".join(parts), pictures)
 
 
-def checked_modules(names: Iterable[str]) -> frozenset[str]:
+def check_modules(names: Iterable[str]) -> frozenset[str]:
     """Return the module names as a set. Raises InputError: an unknown name; the message lists the valid ones."""
     for name in names:
         if name not in MODULES:
@@ -279,7 +279,7 @@ def checked_modules(names: Iterable[str]) -> frozenset[str]:
     return frozenset(names)
 
 
-def checked_style(name: str) -> Style:
+def check_style(name: str) -> Style:
     """Return the style of this name. Raises InputError: an unknown name; the message lists the valid ones."""
     if name not in STYLES:
         raise unknown_name("prompt", name, STYLES)
@@ -293,7 +293,7 @@ def system_prompt(
     if "all" in without:
         return ""
     return "\n".join(
-        filled_module(f"{name}.md", vocabulary, style)
+        fill_module(f"{name}.md", vocabulary, style)
         for name in SYSTEM_MODULES
         if name not in without
     )
@@ -307,7 +307,7 @@ def fence(text: str, language: str = "") -> str:
     return f"{ticks}{language}\n{text.rstrip()}\n{ticks}"
 
 
-def filled_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
+def fill_module(file: str, vocabulary: Vocabulary, style: Style) -> str:
     """Return a module of the system prompt with its marks, such as `{{quantities}}`, filled in."""
     text = _module(file, style)
     if "{{" not in text:

@@ -264,7 +264,7 @@ def complete_reply(body: bytes) -> bytes:
     Raises ReportedError: the reply has an error in place of an answer.
     """
     try:
-        document = _joined_events(body) if body.lstrip().startswith(b"data:") else json.loads(body)
+        document = _join_events(body) if body.lstrip().startswith(b"data:") else json.loads(body)
     except (ValueError, RecursionError):
         return body
     if not isinstance(document, dict):
@@ -291,7 +291,7 @@ def complete_reply(body: bytes) -> bytes:
     return json.dumps(whole).encode()
 
 
-def _joined_events(body: bytes) -> dict[str, Any]:
+def _join_events(body: bytes) -> dict[str, Any]:
     """Join the events of a streamed chat completion."""
     lines = [line[5:].strip() for line in body.splitlines() if line.startswith(b"data:")]
     events: list[Any] = [json.loads(line) for line in lines if line and line != b"[DONE]"]

@@ -11,7 +11,7 @@ from palpate.common.errors import InputError, Unavailable
 from palpate.common.parameter import PlanRejected
 from palpate.planning.model.answer import json_objects
 from palpate.planning.model.conversation import Answer, Conversation, Critique, Round
-from palpate.planning.model.prompt import fence, filled_module
+from palpate.planning.model.prompt import fence, fill_module
 from palpate.planning.model.provider import Endpoint
 from palpate.planning.model.session import ModelSession
 from palpate.planning.model.settings import FEEDBACK_ROUNDS, ModelSettings
@@ -58,7 +58,7 @@ def objection_to(
         tokens=max(1, budget.tokens - conversation.tokens),
     )
     # The critic receives the same task and pictures as the planner, and the plan.
-    system = filled_module("critic.md", vocabulary(), "full")
+    system = fill_module("critic.md", vocabulary(), "full")
     shown = fence(json.dumps(plan_json(plan), ensure_ascii=False), "json")
     message = f"{task}\n\n# The plan\n{shown}\n\nIs there an objection?"
     # A failed critic leaves the plan unchanged.

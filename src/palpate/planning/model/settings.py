@@ -117,10 +117,10 @@ class ModelSettings:
         """
         # Load the prompt module only if there is something to check.
         if self.prompt != "full" or self.without:
-            from palpate.planning.model.prompt import checked_modules, checked_style
+            from palpate.planning.model.prompt import check_modules, check_style
 
-            checked_style(self.prompt)
-            checked_modules(self.without)
+            check_style(self.prompt)
+            check_modules(self.without)
         if self.critic is not None:
             from palpate.planning.model.provider import find_provider
 

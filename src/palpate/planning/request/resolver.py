@@ -137,7 +137,7 @@ class Resolver:
 
         If a body of the scene's file has that name, the message states why it is not measured.
         """
-        why = self.scene.resolved.description.why_no_body(thing.text)
+        why = self.scene.resolved.description.explain_refusal(thing.text)
         if not thing.known and not why:
             return self.not_understood([thing.text])
         names = ", ".join(self.scene.bodies) or "no objects"

@@ -76,7 +76,7 @@ def template(package: str, name: str) -> Template:
         loader=ChoiceLoader([own, shared]),
         autoescape=select_autoescape(),
         undefined=StrictUndefined,
-        finalize=escaped_controls,
+        finalize=escape_controls,
         trim_blocks=True,
         lstrip_blocks=True,
     )
@@ -92,7 +92,7 @@ def mark_code(text: str) -> Markup:
     return Markup(re.sub(r"`([^`]+)`", r"<code>\1</code>", str(escape(text))))
 
 
-def escaped_controls(value: Any) -> Any:
+def escape_controls(value: Any) -> Any:
     """Make control characters in text and markup visible, such as those that reverse the direction of writing."""
     if isinstance(value, int | float):
         return value

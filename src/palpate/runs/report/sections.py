@@ -54,7 +54,7 @@ class Panel:
 
 @dataclass(frozen=True, slots=True)
 class Prediction:
-    """A motion with its panels."""
+    """A predicted motion with its panels."""
 
     title: str
     agrees: bool
