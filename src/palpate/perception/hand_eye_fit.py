@@ -31,8 +31,14 @@ BENT = 1e-4  # m. Standard deviation of errors outside this model, such as link 
 LEVER = 0.5  # m. Ratio of the position error at the hand to its rotation error.
 
 
-def kinematic_stds(joints: int) -> Array:
-    """Standard deviations (5 m,) of the kinematic errors of m joints: rad, rad/(N m), m."""
+def kinematic_stds(errors: int) -> Array:
+    """Standard deviations (`errors`,) of kinematic errors: rad, rad/(N m), m.
+
+    They are all 5 m errors of m joints, or those of the encoder zeros alone.
+    """
+    joints, others = divmod(errors, 5)
+    if others:
+        return np.full(errors, ZEROS)
     return np.repeat([ZEROS, GIVES, LINKS], [joints, joints, 3 * joints])
 
 
@@ -77,7 +83,7 @@ def uncertainty(arm: RobotDescription, q: Array, lever: Array) -> Array:
     """
     # Sum of the systematic kinematic errors and the random pose error, both moved to the point.
     way = twist_jacobian(lever)
-    moves = way @ stances(arm, q[None])[1][0] * kinematic_stds(len(q))
+    moves = way @ stances(arm, q[None])[1][0] * kinematic_stds(5 * len(q))
     rest = way * residual_std(arm.nominal.pose_repeatability)
     return moves @ moves.T + rest @ rest.T
 
@@ -190,7 +196,7 @@ class CalibrationViews:
         found[:6, :6] = np.linalg.inv(self.mount.covariance[:6, :6])
         found[ZOOM, ZOOM] = self.lens.focal_std**-2
         found[SIZE, SIZE] = max(self.size_std, MEASURED) ** -2
-        found[ARM:, ARM:] = np.diag(kinematic_stds(self.jacobians.shape[2] // 5) ** -2)
+        found[ARM:, ARM:] = np.diag(kinematic_stds(self.jacobians.shape[2]) ** -2)
         return found
 
     def wanted(self) -> Array:
