@@ -36,7 +36,7 @@ LONGEST = 1.5
 """s after the beginning of an action, up to which the stop comes."""
 PUSHES = 0.3
 """Share of the stops that a push on the hand causes; a caller asks for the others."""
-PUSH = 40.0  # N, sideways
+PUSH, PUSHED = 40.0, 0.1  # N, sideways, and s
 AJAR = 0.004
 """m of a body's travel from where it was found, from which a released fixture is not back."""
 ASTRAY = ("poses", "obstacles")
@@ -129,11 +129,10 @@ def stop(case: Drawn, blank: Row) -> Row:
         if not moment.has_come:
             return False
         if pushes:
-            # The push ends with the first tick after it.
             pushed["at"] = min(pushed["at"], robot.state.t)
-            data = robot.world._data
-            data.xfrc_applied[hand, 1] = 0.0 if data.xfrc_applied[hand, 1] else PUSH
-            return robot.state.t - pushed["at"] > 1.0
+            since = robot.state.t - pushed["at"]
+            robot.world._data.xfrc_applied[hand, 1] = PUSH if since < PUSHED else 0.0
+            return since > 1.0
         return True
 
     done = runner.run(plan, scene, robot, observer=moment, stop_requested=stop_requested)

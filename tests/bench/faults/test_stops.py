@@ -17,8 +17,8 @@ def test_plans_are_of_drawers_of_doors_and_of_scenes_written_by_hand() -> None:
 def test_every_primitive_that_moves_is_stopped() -> None:
     for astray in (False, True):
         found = places(astray)
-        assert {"MovePose", "MoveUntilContact", "CloseGripper", "OpenGripper", "Tilt"} <= set(found)
-        assert ("MoveHandle" in found) == (not astray)
+        assert {"MovePose", "MoveUntilContact", "CloseGripper", "OpenGripper"} <= set(found)
+        assert ({"MoveHandle", "Tilt", "Swing"} <= set(found)) == (not astray)
         assert not any(name.startswith("Measure") for name in found)
 
 
@@ -31,12 +31,13 @@ def test_a_stop_is_judged_with_its_last_leaf(
     mug = next(one for one in plans() if one[0] == "weigh a mug")
     monkeypatch.setattr(stops, "plans", lambda: (mug,))
     monkeypatch.setattr(stops, "PUSHES", pushes)
-    monkeypatch.setattr(stops, "places", lambda _: {"MovePose": [(0, 1)]})
+    monkeypatch.setattr(stops, "LONGEST", 0.3)
+    monkeypatch.setattr(stops, "places", lambda _: {"MovePose": [(0, 2)]})
     case = Drawn("stops", 0, 3)
     row = stop(case, case.blank())
     assert row.outcome == "stopped"
     assert row.beyond == ()
     assert ("unexpected contact" in row.said[0]) == bool(pushes)
     assert row.what.startswith("weigh a mug, ")
-    assert " s into MovePose 1" in row.what
+    assert " s into MovePose 2" in row.what
     assert ": " in row.figures["last"]
