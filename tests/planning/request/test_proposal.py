@@ -204,6 +204,8 @@ def test_scope_is_kept_in_five_languages(request_: str, place: str, proposed: st
         ("Wie schwer sind die Kisten?", "red_box.mass blue_box.mass"),
         ("mass of the mug (nothing about the bottle)", "mug.mass"),
         ("La taza ya está pesada, ahora la botella.", "bottle.mass"),
+        ("No need to weigh the mug or the bottle. Weigh the red box.", "red_box.mass"),
+        ("The mug and the bottle: friction each.", "mug.friction bottle.friction"),
     ],
 )
 def test_named_bodies_have_priority_and_clauses_keep_their_quantities(request_: str, proposed: str):
@@ -242,3 +244,9 @@ def test_an_unknown_word_is_not_said_to_be_absent():
     with pytest.raises(PlanRejected, match="I did not understand 'frobnicator'") as rejection:
         ground("Weigh the frobnicator.", scene("kitchen"))
     assert "the scene has no" not in str(rejection.value)
+
+
+@pytest.mark.parametrize("word", ["former", "come", "had"])
+def test_an_ordinary_word_is_no_misspelt_quantity(word: str):
+    found = meaning(f"What does the mug weigh, {word}?")
+    assert found == ["mug.mass"]

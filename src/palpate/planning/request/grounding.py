@@ -174,8 +174,6 @@ def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
 
 def _set_tools_aside(spots: Sequence[Spot], words: Sequence[str]) -> None:
     """Do not use bodies as tools: "weigh the mug with the spoon" asks for the mug alone."""
-    if any(spot.has("C", "SIMULATE") for spot in spots):
-        return  # "compare the mug with the bottle"
     for at, spot in enumerate(spots):
         if spot.thing is None or spot.has("MARK"):
             continue
@@ -224,7 +222,7 @@ def _refuse(sentences: Sequence[Sentence], resolver: Resolver) -> None:
             joins = any(other.thing for other in spots[:at]) and any(
                 other.thing for other in spots[at + 1 : at + 4]
             )
-            denied = any(other.has("EXCEPT", "NOT") for other in spots[:at])
+            denied = any(other.has("EXCEPT", "NOT", "SKIP", "NEEDLESS") for other in spots[:at])
             if spot.has("OR") and joins and not denied and not is_comparison(one):
                 raise PlanRejected("'or' leaves it open which is meant; say 'and', or name one")
 
@@ -351,8 +349,8 @@ def is_sure(sentence: Sentence) -> bool:
     symbols = _symbols(sentence)
     # "Everything" beside a body is a remark, unless the body is an exception. Which of several
     # bodies an exception means may be open.
-    excepts = not {"x", "n", "l"}.isdisjoint(symbols)
-    mixed = symbols.count("T") > 2 if excepts else {"e", "T"} <= set(symbols)
+    mixed = {"e", "T"} <= set(symbols) and {"x", "n", "l"}.isdisjoint(symbols)
+    mixed = mixed or (symbols.count("T") > 2 and not {"x", "l"}.isdisjoint(symbols))
     # "The mug is heavier than the bottle." may be a remark.
     remark = not sentence.question and is_comparison(sentence) and symbols.lstrip("&")[:1] == "T"
     return SURE.fullmatch(symbols) is not None and not mixed and not remark

@@ -10,7 +10,6 @@ from palpate.mjcf.body import Body
 from palpate.planning.request.query import GRIPPER
 from palpate.planning.request.words import (
     EXACT,
-    english_singulars,
     kinds,
     languages,
     singulars,
@@ -177,7 +176,7 @@ class Nouns:
 
     def _word_rank(self, one: _Words, word: str, code: str) -> int | None:
         """Return how directly a word names a body: own noun, usual concept, concept, kind, other."""
-        forms = english_singulars(word) if code == "en" else singulars(word)
+        forms = singulars(word, code == "en")
         forms = tuple(dict.fromkeys((*forms, *map(without_accents, forms))))
         if not one.heads.isdisjoint(forms):
             return 0

@@ -434,8 +434,8 @@ class Reading:
         general = [t for t in found if t.names == objects and not t.plural and len(objects) > 1]
         if general and not self.compares and (self._mentions or len(found) > len(general)):
             found = [one for one in found if one not in general]
-        named = [one for one in found if one.text not in EVERYTHING]
-        self._named.update(name for one in named for name in one.names)
+        for one in found:
+            self._named.update(() if one.text in EVERYTHING else one.names)
         return found
 
     def _is_whole(self, thing: Thing) -> bool:

@@ -18,7 +18,6 @@ HINT = "; say e.g. "
 """Separator between the reason of a rejection and its advice. A proposal replaces the advice."""
 LONG = 60
 """Maximum number of characters of a quoted sentence."""
-_NOT_SENSED = "no primitive of the robot senses it"
 
 
 class Resolver:
@@ -191,7 +190,8 @@ class Resolver:
     def not_measurable(self, id: str, word: str) -> str:
         """Message on a property that nothing measures."""
         known = self.catalogue.get(id)
-        reason, label = (known.how, known.label) if known else (_NOT_SENSED, id)
+        reason = known.how if known else "no primitive of the robot senses it"
+        label = known.label if known else id
         said = f" ('{word}')" if word != label else ""
         return (
             f"The {label}{said} cannot be measured: {reason}; what can be is "

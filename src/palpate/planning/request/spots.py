@@ -14,8 +14,6 @@ from palpate.scene.scene import Scene
 
 QUANTITIES = ("W", "A", "C", "N", "INERTIAL")
 """Classes of words that name a quantity."""
-SIDES = ("left", "right", "near", "far")
-"""Values of `SEL` that need no noun."""
 _BEFORE_NOUN = (
     *("DET", "OF", "W", "ALL", "NUM", "ITS", "EXCEPT", "N", "REL"),
     *("AND", "OR", "SEL", "THATOF", "WHICH"),
@@ -115,7 +113,10 @@ class Spotter:
             said = at > 0 and found[at - 1].has("HOW")  # "that is all"
             if spot.has("ALL") and spot.thing is None and not said and not _applies(found, at):
                 pair = spot.classes["ALL"] and self._last and at > 0
-                spot.classes = {"PRONOUN": "many"} if pair else {"EVERYTHING": ""}
+                # "The mug and the box: mass each", but "except the mug, weigh all".
+                floats = any(one.thing for one in found[:at])
+                floats = floats and not any(one.has("EXCEPT", "SKIP", "NOT") for one in found[:at])
+                spot.classes = {"PRONOUN": "many"} if pair or floats else {"EVERYTHING": ""}
             if spot.thing is not None:
                 spot.thing = self._restricted(spot.thing, found, at)
         self._describe_everything(found, words)
@@ -200,7 +201,7 @@ class Spotter:
 
     def _plural(self, word: str, classes: Classes) -> tuple[int, Classes]:
         """Return the class of the plural of a quantity: "masses"; 0 words for none."""
-        for form in singulars(word)[1:]:
+        for form in singulars(word, self.language.is_english)[1:]:
             _, single = self.language.match([form], 0)
             if "N" in single and (not classes or single["N"] == classes["N"]):
                 return 1, {**classes, "N": single["N"], "PLURAL": ""}
@@ -362,7 +363,8 @@ class Spotter:
 
     def _find_side(self, spots: list[Spot]) -> None:
         """Resolve a side without a noun: "what is leftmost"."""
-        loose = [o for o in spots if o.has("SEL") and not o.used and o.classes["SEL"] in SIDES]
+        sides = ("left", "right", "near", "far")
+        loose = [one for one in spots if one.classes.get("SEL") in sides and not one.used]
         if loose and any(one.has("EVERYTHING", "SOMETHING", "ONE") for one in spots):
             loose[0].thing = self._at_side(loose[0], tuple(self.scene.objects), "object")
             loose[0].used = False
@@ -388,6 +390,9 @@ class Spotter:
                 thing = Thing("object", tuple(self.scene.objects), relation in ("on", "in"))
                 subject = Spot(spot.start, spot.start, {}, thing)
                 spots.insert(at, subject)
+            if subject and subject.thing and set(names) >= set(subject.thing.names) != set():
+                subject.thing, subject.classes = None, {}  # "tea in the tea box"
+                continue
             others = [s for s in spots if s.thing and s not in marks and s.thing.names]
             if not marks or (subject is None and not (others and on_surface)):
                 continue

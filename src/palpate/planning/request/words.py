@@ -20,6 +20,8 @@ EXACT = 3
 NEAR = 0.82
 """Minimum similarity of a misspelt word to the known one. The first letters must agree."""
 
+SHORT = 6
+"""Maximum number of letters of a word that is not read as another one of its length."""
 CACHED = 1 << 14
 """Words whose forms are remembered."""
 
@@ -45,9 +47,7 @@ class Language:
     """
 
     is_english: bool
-    entries: dict[str, list[tuple[tuple[str, ...], str, str]]] = field(
-        default_factory=dict[str, Any]
-    )
+    entries: dict[str, list[Any]] = field(default_factory=dict[str, list[Any]])
     nouns: dict[str, list[str]] = field(default_factory=dict[str, list[str]])
     words: set[str] = field(default_factory=set[str])
 
@@ -74,7 +74,7 @@ class Language:
     def concepts(self, word: str) -> tuple[str, ...]:
         """Return the concepts of a noun or adjective, the usual one first."""
         for said in dict.fromkeys((word, without_accents(word) if len(word) > EXACT else word)):
-            for form in (english_singulars if self.is_english else singulars)(said):
+            for form in singulars(said, self.is_english):
                 if form in self.nouns:
                     return tuple(self.nouns[form])
             for length in range(len(said), 1, -1):
@@ -176,7 +176,10 @@ _EXPANSIONS = (
     (r"'ll\b", " will"),
     (r"'d\b", " would"),
     (r"\b(table|bench|desk|counter)[ -]?top\b", r"\1"),
-    (r"\b(what|who|where|there|here|how|it|that)'s\b|\b(what)s\b", r"\1\2 is"),
+    (
+        r"\b(what|who|where|there|here|how|it|that|whatever|everything|all|which)'s\b|\b(what)s\b",
+        r"\1\2 is",
+    ),
     (r"\blet's\b", "let us"),
     (r"[&+](?!/|-)", " and "),
     (r"[()]", " , "),
@@ -226,15 +229,10 @@ def tokens(request: str) -> list[str]:
     # An amount becomes one token, before points and commas separate.
     text = _AMOUNT.sub(lambda found: f" §{found[0].strip().replace(' ', '~')} ", text)
     text = re.sub(r"(\w\.\w+)(?=\s\w+\.\w)", r"\1 ,", text)  # "bottle.mass table.height"
-    text = re.sub(
-        r"§\S+|(?<=[^\W\d_])\.(?=[^\W\d_])|(?<=[^\W_])[_\-/](?=[^\W_])", _keep_amount, text
-    )
+    joints = r"(?<=[^\W\d_])\.(?=[^\W\d_])|(?<=[^\W_])[_\-/](?=[^\W_])"
+    text = re.sub(rf"(§\S+)|{joints}", lambda found: found[1] or " ", text)
     found = re.findall(r"§\S+|'s\b|[^\W_]+|[,;:.?!–—-]", text)
     return ["," if token in "–—-" else token for token in found]
-
-
-def _keep_amount(found: re.Match[str]) -> str:
-    return found[0] if found[0][0] == "§" else " "
 
 
 @lru_cache(CACHED)
@@ -249,22 +247,14 @@ _SINGULARS = "ies:y ves:f ves:fe es: s: x: en: n: er: em: e: ces:z e:a i:o i:e c
 
 
 @lru_cache(CACHED)
-def singulars(word: str) -> tuple[str, ...]:
-    """Return possible singulars of `word` in any language, itself first."""
+def singulars(word: str, english: bool = False) -> tuple[str, ...]:
+    """Return possible singulars of `word` in any language, or in English, itself first."""
     forms = [word]
-    for ending, by in (pair.split(":") for pair in _SINGULARS.split()):
+    for ending, by in (pair.split(":") for pair in _SINGULARS.split()[: 5 if english else None]):
         stem = word.removesuffix(ending)
         if stem != word and len(stem) > 1 and not (ending == "s" and stem.endswith("s")):
             forms.append(stem + by)
     return tuple(dict.fromkeys(forms))
-
-
-@lru_cache(CACHED)
-def english_singulars(word: str) -> tuple[str, ...]:
-    """Return possible English singulars of `word`, itself first."""
-    return singulars(word)[
-        : 1 + sum(word.endswith(end) for end in ("ies", "ves", "ves", "es", "s"))
-    ]
 
 
 def nearest_spelling(word: str, known: Collection[str]) -> str | None:
@@ -277,7 +267,9 @@ def nearest_spelling(word: str, known: Collection[str]) -> str | None:
         found = sorted(other for other in like if other[:-1] == word)
     else:
         found = sorted(other for other in like if sorted(other) == sorted(word))
-        found = found or get_close_matches(word, sorted(like), 2, NEAR)
+        # Another letter in a short word is rather another word: "former", not "firmer".
+        other = [one for one in like if len(one) != len(word) or len(word) > SHORT]
+        found = found or get_close_matches(word, sorted(other), 2, NEAR)
     return found[0] if found else None
 
 
