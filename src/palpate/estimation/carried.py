@@ -55,10 +55,12 @@ from palpate.estimation.rigid_bodies import (
     RADIUS,
     SKEW,
     about_centre,
+    in_axes,
     jacobian,
     linear,
     load_torques,
     of_box,
+    placed_at,
     pseudo_inertia,
     repeat_prior,
 )
@@ -374,9 +376,11 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         tensor = tensor_of(about_centre(theta).tolist())
         return np.array(components(pose.rotation.T @ tensor @ pose.rotation))
 
-    # Propagate the covariance of the body to the six components.
+    # Propagate the covariance of the body to the six components, and the error of its place in the hand.
     value, slopes = central(body_fit.theta), jacobian(central, body_fit.theta)
-    stds = np.sqrt(np.diag(slopes @ body_fit.covariance @ slopes.T))
+    place = in_axes(pose.rotation.T)[4:, 4:] @ _place_effects(trace, found)
+    variance = np.diag(slopes @ body_fit.covariance @ slopes.T) + (place**2).sum(axis=1)
+    stds = np.sqrt(variance)
     # A component is observed if its error is small against the reference size. The reference is the
     # moment itself, for a product the mean moment, and at most that of the largest plausible load.
     # Products without any observed moment do not count.
@@ -406,6 +410,20 @@ def estimate_inertia(trace: Trace, parameter: Parameter, body: Body | None) -> E
         tests=(test, *_same_in_all_parts(trace, found)),
     )
     return replace(made, shared=map_shared(found.posterior.shared(LOAD), slopes @ body_fit.gain))
+
+
+def _place_effects(trace: Trace, found: CarriedLoad | SensedLoad) -> Array:
+    """Effects (6, 3), kg m², of `kinematic_error` along each axis on the inertia about the centre of mass, tool axes.
+
+    The joints show the inertia about the wrist. That of a load at `lever` from there has the part m lever² (Steiner).
+    """
+    chain, value = trace.hand.chain, found.value
+    if chain is None:
+        return np.zeros((6, 3))
+    from_wrist = np.array(chain.tool).T @ (np.array(chain.tcp) - chain.anchors[-1])
+    lever = from_wrist + value[1:4] / value[0]
+    effects: Array = found.kinematic_error * value[0] * placed_at(lever)[4:, 1:4]
+    return effects
 
 
 class FittedBody(NamedTuple):
