@@ -159,8 +159,8 @@ PAGE = "report.html"
 
 
 def show_report(folder: Path) -> None:
-    """Open the report in the browser, and print its path for use without a browser. Raises
-    InputError: there is no such page."""
+    """Open the report in the browser, and print its path for use without a browser.
+    Raises InputError: there is no such page."""
     # Distinguish a wrong folder from a run without a report.
     page = folder / PAGE
     if not folder.is_dir():

@@ -46,8 +46,8 @@ class Registry(dict[str, T]):
 
 
 def iter_entry_points(group: str) -> Iterator[object]:
-    """Yield the public members of the modules that the entry points of `group` name. Raises
-    InputError: a module cannot be loaded; the message names it."""
+    """Yield the public members of the modules that the entry points of `group` name.
+    Raises InputError: a module cannot be loaded; the message names it."""
     for module in extensions(group):
         yield from public(module)
 

@@ -74,8 +74,8 @@ class Keeper:
         return self.keep(run)
 
     def carry_out_execution(self, step: Step, run: Run) -> Run:
-        """Carry out the execution, in which a signal asks for a controlled stop. Raises
-        PalpateError: nothing could be executed; nothing has moved, and the folder is removed."""
+        """Carry out the execution, in which a signal asks for a controlled stop.
+        Raises PalpateError: nothing could be executed; nothing has moved, and the folder is removed."""
         # Signals are deferred: the runner turns them into a controlled stop.
         with self._signals.defer():
             try:

@@ -344,8 +344,8 @@ JOINT_TASKS: Tasks[JointTrial] = ((Coast,), (Steady,))
 
 
 def joint_trial_of(scene: Scene, name: str, values: Values) -> JointTrial:
-    """Build the world of a scene with these values, in which only the fixture `name` moves. Raises
-    InputError: the values make no world, as a friction below zero."""
+    """Build the world of a scene with these values, in which only the fixture `name` moves.
+    Raises InputError: the values make no world, as a friction below zero."""
     # Friction, damping and stiffness must not be negative.
     for parameter, value in values.items():
         if parameter.object == name and parameter.quantity != Range.id and min(value) < 0.0:

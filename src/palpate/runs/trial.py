@@ -107,8 +107,8 @@ class PhysicsTrial:
 
 
 def trial_of(scene: Scene, name: str, values: Values) -> PhysicsTrial:
-    """Build the world of a scene with these values, in which only the object `name` moves. Raises
-    InputError: the values make no world, as an inertia that no body has."""
+    """Build the world of a scene with these values, in which only the object `name` moves.
+    Raises InputError: the values make no world, as an inertia that no body has."""
     # Compile the world without the other free objects.
     spec = scene.spec(values)
     for other in scene.objects:

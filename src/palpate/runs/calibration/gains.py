@@ -48,8 +48,8 @@ class StatedSize:
 
 
 def parse_reference(text: str, units: Mapping[str, float], what: str) -> StatedSize:
-    """Parse `text`. Without a unit a number is in SI units, without a tolerance it is exact. Raises
-    InputError: not of that form; the message names `what` and gives an example."""
+    """Parse `text`. Without a unit a number is in SI units, without a tolerance it is exact.
+    Raises InputError: not of that form; the message names `what` and gives an example."""
     example = "0.5kg±0.1g" if "kg" in units else "50mm±0.01mm"
     refusal = InputError(
         f"{what} '{text}' is no size with a unit: give e.g. {example}, in {', '.join(units)}"

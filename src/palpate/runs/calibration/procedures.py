@@ -153,8 +153,8 @@ def gauges_of(scene: Scene, known: NamedSize) -> tuple[str, ...]:
 
 
 def reference(stated: dict[str, float], known: NamedSize, what: str, unit: str, kind: str) -> str:
-    """Find the reference among bodies that state a size: the named one, or the only one. Raises
-    InputError: there is none, or the scene states another size for it."""
+    """Find the reference among bodies that state a size: the named one, or the only one.
+    Raises InputError: there is none, or the scene states another size for it."""
     # A named reference must exist; without a name it must be the only one.
     if known.name is not None and known.name not in stated:
         raise unknown_name(kind, known.name, stated, f"It must state its {what}.")
