@@ -24,6 +24,7 @@ from palpate.estimation.estimate import (
     Estimate,
     FitTest,
     Shared,
+    add_shared,
     chi_squared,
     half95,
     round_to_std,
@@ -184,17 +185,14 @@ def _make_errors_own(source: Source) -> Source:
 def _merge_shared_errors(sources: Sequence[Source], weights: Array) -> tuple[Shared, ...]:
     """Error causes that the fused estimate shares with further runs, with weighted effects."""
     arms = {source.arm for source in sources}
-    found: dict[tuple[str, str], Array] = {}
+    found: list[Shared] = []
     # Sum the weighted effects of each cause; a cause in one arm keeps that arm's name among several.
     for source, weight in zip(sources, weights, strict=True):
         for (owner, cause), effect in source.causes():
             named = cause if owner == "scene" or len(arms) == 1 else f"{cause} of {owner}"
-            key = ("scene" if owner == "scene" else "arm", named)
-            found[key] = found.get(key, np.zeros(len(weight))) + weight * effect
-    kept: list[Shared] = []
-    for (of, cause), effect in found.items():
-        kept.append(Shared(cause, "scene" if of == "scene" else "arm", tuple(effect.tolist())))
-    return tuple(kept)
+            of = "scene" if owner == "scene" else "arm"
+            found.append(Shared(named, of, tuple((weight * effect).tolist())))
+    return add_shared(found)
 
 
 def _method(sources: Sequence[Source], weights: Array, std: Array) -> str:
