@@ -184,3 +184,18 @@ def test_joint_torques_of_six_joints_are_not_read() -> None:
         pp.dynamics("none.csv", "ur5e")
     with pytest.raises(InputError, match="'ur5e' has 6 joints"):
         pp.noise("none.csv", "ur5e")
+
+
+def test_lists_of_another_number_of_joints_are_refused(tmp_path: Path) -> None:
+    scene = "<mujoco><worldbody><body name='b' pos='.5 0 .1'><freejoint/><geom size='.03'/></body></worldbody></mujoco>"
+    (tmp_path / "poses.yaml").write_text("joints: {aside: [0, 0, 0, 0, 0, 0, 0]}", encoding="utf-8")
+    with pytest.raises(InputError, match="'aside' has 7 angles, and the arm has 6 joints"):
+        pp.load(scene, poses=tmp_path / "poses.yaml", arm="ur5e")
+    (tmp_path / "robot.yaml").write_text(
+        "palpate_robot: 1\ntorque_gain: {value: [0, 0, 0, 0, 0, 0, 0], std: [0, 0, 0, 0, 0, 0, 0]}",
+        encoding="utf-8",
+    )
+    with pytest.raises(
+        InputError, match=r"7 numbers in 'torque_gain.value', and the arm 'ur5e' has 6"
+    ):
+        pp.load(scene, arm="ur5e", robot_config=tmp_path / "robot.yaml")

@@ -12,6 +12,7 @@ import mujoco
 import numpy as np
 from PIL import Image, ImageDraw, ImageFont
 
+from palpate.common.errors import InputError
 from palpate.common.files import write_new
 from palpate.common.pose import Pose
 from palpate.perception.hand_eye_fit import HandEye, uncertainty
@@ -35,6 +36,9 @@ def calibrated_camera(
     Without a calibration, both stay as given. A camera on the hand moves with the hand: at `hand`,
     else at the joints of the mount, else at home. Its covariance includes the pose error of the
     hand.
+
+    Raises:
+        InputError: the mount has another number of joints than the arm.
     """
     lens, mount = _calibrated_place(scene, lens, mount)
     if mount is None or not mount.on_hand:
@@ -43,6 +47,11 @@ def calibrated_camera(
     # Pose of the hand: measured, else by forward kinematics.
     nominal = NominalArm(scene.arm, base, np.zeros(3))
     q = scene.arm.home if mount.joints is None else mount.joints
+    if len(q) != len(scene.arm.joints):
+        raise InputError(
+            f"the camera's file has {len(q)} 'joints', and the arm '{scene.arm.name}' has "
+            f"{len(scene.arm.joints)}: give one angle a joint"
+        )
     if hand is None:
         row = nominal.poses(q[None])[0]
         pose = Pose(row[:3], row[3:])
