@@ -125,8 +125,9 @@ class FingerLoad:
 
     def is_where_it_stood(self, tool: Pose) -> bool:
         """True if the object never hung free, and the hand at `tool` is where it grasped the object."""
-        never_hung = self.hanging is None and self.grasped_at is not None
-        return never_hung and tool.distance_to(self.grasped_at) <= AT_GRASP
+        if self.hanging is not None or self.grasped_at is None:
+            return False
+        return tool.distance_to(self.grasped_at) <= AT_GRASP
 
     def support_load(self, wrench: Array) -> float:
         """Return the load, N, that the support takes off the fingers; 0 if the object never hung free."""
