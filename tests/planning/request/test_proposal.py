@@ -246,6 +246,10 @@ def test_an_unknown_word_is_not_said_to_be_absent():
     assert "the scene has no" not in str(rejection.value)
 
 
+def test_an_unknown_word_in_a_list_is_not_used():
+    assert proposal("Weigh the frobnicator and the mug.") == (["mug.mass"], ("the frobnicator",))
+
+
 @pytest.mark.parametrize("word", ["former", "come", "had"])
 def test_an_ordinary_word_is_no_misspelt_quantity(word: str):
     found = meaning(f"What does the mug weigh, {word}?")

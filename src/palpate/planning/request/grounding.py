@@ -165,8 +165,7 @@ def _find_absent(spots: list[Spot], words: Sequence[str]) -> None:
         asked = asked or (last.has("OF") and first.is_quantity and not last.has("FOR"))
         listed = known and first.thing and last.has("AND", ",", "OR")
         expected = asked or listed or (not named and any(o.has("W", "'S", "N") for o in after))
-        expected = expected and (start < at or known)
-        if expected and words[spot.start].isalpha():
+        if expected and (start < at or known) and words[spot.start].isalpha():
             spot.thing = Thing(" ".join(words[spot.start : spot.end]), (), known=known)
         else:
             spot.thing, spot.classes = None, {}

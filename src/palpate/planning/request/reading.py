@@ -68,8 +68,8 @@ class Clause:
         """True for a statement of an amount: "the mug weighs 300 g"."""
         amounts = [spot.classes["AMOUNT"] for spot in self.spots if spot.has("AMOUNT")]
         asks = self.has("HEDGE", "WIDTH", "MORE", "C", "THAN", "ABOVE", "BELOW", "WANT", "MEASURE")
-        named = bool(self.things or self.quantities)
-        return bool(amounts) and named and not asks and not any(one[0] in "±+" for one in amounts)
+        named = self.things or self.quantities
+        return bool(amounts and named and not asks) and all(one[0] not in "±+" for one in amounts)
 
 
 def clauses(spots: Sequence[Spot]) -> list[Clause]:
@@ -327,9 +327,8 @@ class Reading:
 
     def _deny(self, part: Clause, before: Clause | None) -> bool:
         """Exclude the bodies before a mere denial, "the mug not"; True if there are any."""
-        if part.things or part.quantities or part.has(*_WHOLE) or before is None:
-            return False
-        if not (before.things and before.continues and not before.quantities):
+        mere = not (part.things or part.quantities or part.has(*_WHOLE))
+        if not mere or not before or before.quantities or not (before.things and before.continues):
             return False
         before.wanted = False
         self._exclude(before, None)
@@ -370,7 +369,10 @@ class Reading:
             self._add("mass", [], True)
         for one in links:
             self._mentions += [alone] if alone and one is links[0] else []
-            things = self._things(one.things)
+            # An unknown word in a list is listed as not used.
+            known = [o for o in one.things if not o.thing or o.thing.names or o.thing.known]
+            lists = sum(any(o in part.spots for o in one.things) for part in run) > 1
+            things = self._things(known if known and lists else one.things)
             if unweighed or any(map(_is_missing, run)):
                 things = [t for t in things if not self._is_whole(t)]
             plural = not self._mentions and any(o.has("PLURAL") for o in one.quantities)
@@ -572,8 +574,8 @@ def _is_missing(part: Clause) -> bool:
 
 def _is_unmeasured(part: Clause) -> bool:
     """True for "what was never weighed" and "what has no mass yet"."""
-    done = part.has("DONE") or (part.quantities and not part.things)
-    return part.has("NOT") and part.has("YET") and bool(done)
+    yet = part.has("NOT") and part.has("YET")
+    return yet and (part.has("DONE") or bool(part.quantities and not part.things))
 
 
 def _ids(spot: Spot) -> tuple[str, ...]:

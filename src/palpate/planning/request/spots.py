@@ -114,8 +114,8 @@ class Spotter:
             if spot.has("ALL") and spot.thing is None and not said and not _applies(found, at):
                 pair = spot.classes["ALL"] and self._last and at > 0
                 # "The mug and the box: mass each", but "except the mug, weigh all".
-                floats = any(one.thing for one in found[:at])
-                floats = floats and not any(one.has("EXCEPT", "SKIP", "NOT") for one in found[:at])
+                excepts = any(one.has("EXCEPT", "SKIP", "NOT") for one in found[:at])
+                floats = not excepts and any(one.thing for one in found[:at])
                 spot.classes = {"PRONOUN": "many"} if pair or floats else {"EVERYTHING": ""}
             if spot.thing is not None:
                 spot.thing = self._restricted(spot.thing, found, at)
@@ -363,8 +363,7 @@ class Spotter:
 
     def _find_side(self, spots: list[Spot]) -> None:
         """Resolve a side without a noun: "what is leftmost"."""
-        sides = ("left", "right", "near", "far")
-        loose = [one for one in spots if one.classes.get("SEL") in sides and not one.used]
+        loose = [one for one in spots if one.has("SEL") and not (one.used or one.thing)]
         if loose and any(one.has("EVERYTHING", "SOMETHING", "ONE") for one in spots):
             loose[0].thing = self._at_side(loose[0], tuple(self.scene.objects), "object")
             loose[0].used = False

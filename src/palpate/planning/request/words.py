@@ -268,8 +268,8 @@ def nearest_spelling(word: str, known: Collection[str]) -> str | None:
     else:
         found = sorted(other for other in like if sorted(other) == sorted(word))
         # Another letter in a short word is rather another word: "former", not "firmer".
-        other = [one for one in like if len(one) != len(word) or len(word) > SHORT]
-        found = found or get_close_matches(word, sorted(other), 2, NEAR)
+        like = [other for other in like if len(other) != len(word) or len(word) > SHORT]
+        found = found or get_close_matches(word, sorted(like), 2, NEAR)
     return found[0] if found else None
 
 
