@@ -78,17 +78,12 @@ def contact_friction(model: mujoco.MjModel, one: int, other: int) -> float:
 
     A `<pair>` may state two coefficients: the smaller one.
     """
-    deciding, priority, condims = (
-        deciding_geom(model, one, other),
-        model.geom_priority,
-        model.geom_condim,
-    )
-    friction, condim = float(model.geom_friction[deciding, 0]), int(condims[deciding])
-    if priority[one] == priority[other]:
-        condim = max(int(condims[one]), int(condims[other]))
-    ends = zip(model.pair_geom1.tolist(), model.pair_geom2.tolist(), strict=True)
-    for i, pair in enumerate(ends):
-        if {*pair} == {one, other}:
+    deciding = deciding_geom(model, one, other)
+    friction, condim = float(model.geom_friction[deciding, 0]), int(model.geom_condim[deciding])
+    if model.geom_priority[one] == model.geom_priority[other]:
+        condim = int(model.geom_condim[[one, other]].max())
+    for i in range(len(model.pair_dim)):
+        if {int(model.pair_geom1[i]), int(model.pair_geom2[i])} == {one, other}:
             friction, condim = min(model.pair_friction[i, :2].tolist()), int(model.pair_dim[i])
     if model.opt.enableflags & int(mujoco.mjtEnableBit.mjENBL_OVERRIDE):
         options: Any = model.opt  # `o_friction` is missing in MuJoCo's stubs
