@@ -67,13 +67,19 @@ class HeldObject:
     became: Fate
 
     @property
+    def name(self) -> str:
+        """Name for people."""
+        return f"'{self.object}'" if self.object else "what was grasped"
+
+    @property
     def warning(self) -> str | None:
         """Warning about the object; None if it was put down."""
-        name = f"'{self.object}'" if self.object else "what was grasped"
         if self.became == "held":
-            return f"the fingers still hold {name}"
+            return f"the fingers still hold {self.name}"
         if self.became == "lost":
-            return f"{name} was not put down and is not in the fingers any more: see where it is"
+            return (
+                f"{self.name} was not put down and is not in the fingers any more: see where it is"
+            )
         return None
 
 
