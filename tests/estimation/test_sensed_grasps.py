@@ -47,6 +47,14 @@ def trace(weighing: Callable[..., Trace], noises: dict[str, object]) -> Trace:
     return weighing(MASS, noises["datasheet"])
 
 
+def test_a_sensor_without_noise_gives_the_weight(trace: Trace) -> None:
+    found = fit_sensed_grasps(with_sensor(trace, 0.0), NAME)
+    assert found is not None
+    assert found.value[0] == pytest.approx(
+        MASS * trace.gravity, abs=3.0 * found.covariance[0, 0] ** 0.5
+    )
+
+
 def test_weight_and_lever_about_the_tcp(trace: Trace) -> None:
     found = fit_sensed_grasps(with_sensor(trace, 0.05), NAME)
     assert found is not None

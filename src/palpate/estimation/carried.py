@@ -67,7 +67,6 @@ from palpate.estimation.rigid_bodies import (
 from palpate.estimation.sensed_load import (
     SensedLoad,
     fit_sensed_load,
-    is_sensed,
     observable,
     sensed_tests,
 )
@@ -78,6 +77,7 @@ from palpate.estimation.wrench_observation import (
     TORQUE_LEVER,
     common_gain,
     gain_root,
+    is_sensed,
     observe,
 )
 from palpate.mjcf.body import Body

@@ -31,7 +31,7 @@ from palpate.estimation.load_noise import load_rows
 from palpate.estimation.motion import Mask
 from palpate.estimation.regression import Cause, Posterior, SignalNoise, fit
 from palpate.estimation.rigid_bodies import BODY_PRIOR, PARAMETERS, wrench_columns
-from palpate.estimation.wrench_observation import CROSSTALK, GAIN
+from palpate.estimation.wrench_observation import CROSSTALK, GAIN, is_sensed
 from palpate.trace.recording import WrenchSensor
 from palpate.trace.samples import STANDARD_GRAVITY as GRAVITY
 from palpate.trace.samples import Samples, Trace
@@ -50,6 +50,8 @@ MOMENT_LEVER = 0.3
 """m: relates cross-talk between forces and moments. Not sensitive."""
 APPARENT_NOISE = 0.1
 """Size to which the residual of a first fit is scaled, as the residual's search begins near it. Not sensitive."""
+FINEST = 3e-4
+"""N, N m: least misfit and white noise that are told from zero, below those of any sensor. Not sensitive."""
 ITERATIONS = 2
 """Solutions before the last: causes in proportion to the load need its value. Not sensitive."""
 RESTART = 5.0
@@ -145,11 +147,6 @@ class SensedLoad:
         return _by_axis(here[:, None] * (seen.columns @ share), self.scale)
 
 
-def is_sensed(trace: Trace) -> bool:
-    """Return true if a trace has the wrench of a sensor."""
-    return trace.hand.wrench_sensor is not None and trace.samples.wrench_sensor.shape[1] == 6
-
-
 @once
 def fit_sensed_load(trace: Trace, name: str) -> SensedLoad | None:
     """Fit the load `name` to all time in which it was carried or the hand was empty.
@@ -188,7 +185,7 @@ def _fit_bodies(
     y = _by_axis(seen.wrench, np.ones(6))
     rough = np.linalg.lstsq(design, y, rcond=None)[0].astype(np.float64)
     misfit = (y - design @ rough).reshape(6, -1)
-    scale = APPARENT_NOISE / np.maximum(misfit.std(axis=1), 1e-9)
+    scale = APPARENT_NOISE / np.maximum(misfit.std(axis=1), FINEST)
     y = _by_axis(seen.wrench, scale)
     fixed = [Cause(one, _by_axis(rows, scale), priors[one]) for one, rows in bodies.items()]
     fixed += _zeros(seen, scale)
@@ -248,10 +245,8 @@ def _sensor_causes(
 
 def _white_noise(seen: SensedBlocks, scale: Array, misfit: Array) -> SignalNoise:
     """White noise of the block means; single poses show it by the `misfit` (6,) of a first fit alone."""
-    white = np.where(seen.white > 0.0, seen.white, misfit)
-    roots = [
-        np.diag(np.sqrt(variance / seen.rows) + 1e-6) for variance in (white * scale**2).tolist()
-    ]
+    white = np.maximum(np.where(seen.white > 0.0, seen.white, misfit), FINEST**2)
+    roots = [np.diag(np.sqrt(variance / seen.rows)) for variance in (white * scale**2).tolist()]
     return SignalNoise(roots, float(seen.rows.sum()))
 
 

@@ -127,7 +127,7 @@ class SignalLine:
     def _add_outliers(self, samples: Array) -> None:
         expected = self._outliers.rate * samples.size * TIMESTEP
         for _ in range(int(self._odd.poisson(expected))):
-            row, joint = (int(self._odd.integers(size)) for size in samples.shape)
+            row, joint = (int(self._odd.integers(int(size))) for size in samples.shape)
             samples[row, joint] += self._outliers.size[joint] * self._odd.standard_t(TAIL)
 
     def _repeat(self, samples: Array) -> Array:
