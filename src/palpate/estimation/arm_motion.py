@@ -86,8 +86,7 @@ class JointMotion:
 def stretches(log: ArmLog) -> tuple[list[JointMotion], list[JointMotion]]:
     """Split a recording at its gaps into stretches: its first part, `LEARNT`, and the held-out rest.
 
-    Raises:
-        InputError: The recording is too short, has too few rows a second, or has gaps around its middle.
+    Raises InputError: the recording is too short, has too few rows a second, or has gaps around its middle.
     """
     # Check the sample rate and the total duration.
     steps = np.diff(log.t)

@@ -64,12 +64,7 @@ from palpate.estimation.rigid_bodies import (
     pseudo_inertia,
     repeat_prior,
 )
-from palpate.estimation.sensed_load import (
-    SensedLoad,
-    fit_sensed_load,
-    observable,
-    sensed_tests,
-)
+from palpate.estimation.sensed_load import SensedLoad, fit_sensed_load, observable, sensed_tests
 from palpate.estimation.weighing import mass_view
 from palpate.estimation.wrench_observation import (
     CROSSTALK,

@@ -230,8 +230,7 @@ def probes(trace: Trace, parameter: Parameter) -> list[Recording]:
 def descent_before(trace: Trace, recording: Recording) -> Descent | None:
     """Analyse the guarded descent before a recorded pose; None where it ended without contact.
 
-    Raises:
-        ValueError: the recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: the recording holds no samples, or no guarded descent comes before it.
     """
     leaves = trace.leaf_runs(GUARDED)
     before = [leaf for leaf in leaves if leaf.end <= recording.start + 1e-6]

@@ -393,11 +393,7 @@ class Estimate:
         return low, high
 
     def __float__(self) -> float:
-        """Convert a scalar quantity to its value.
-
-        Raises:
-            TypeError: There is no value, or it is a vector.
-        """
+        """Convert a scalar quantity to its value. Raises TypeError: there is no value, or it is a vector."""
         if len(self.values) != 1:
             what = f"a vector of {len(self.values)}" if self.has_value else self.verdict
             raise TypeError(f"{self.parameter} is {what}, not a number")
@@ -584,10 +580,7 @@ class Estimates(ByParameter[Estimate]):
     def to_dataframe(self) -> DataFrame:
         """Convert to a pandas data frame, one row per parameter.
 
-        For a vector, `value` and `std` are (n,), and `ci95` is (n, 2).
-
-        Raises:
-            Unavailable: Pandas is not installed.
+        For a vector, `value` and `std` are (n,), and `ci95` is (n, 2). Raises Unavailable: pandas is not installed.
         """
         columns = ("value", "std", "unit", "ci95", "verdict", "method")
         found: dict[str, list[Any]] = {

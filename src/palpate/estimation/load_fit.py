@@ -262,9 +262,7 @@ def fit_load(weighings: Sequence[Weighing], gravity: float, hand: NominalHand) -
     """Fit the load on the hand in all `weighings`, at g = `gravity` m/s².
 
     Where weighings disagree, those that contradict themselves are left out of the value. Their failed tests are kept.
-
-    Raises:
-        ValueError: a weighing has no loaded segment.
+    Raises ValueError: a weighing has no loaded segment.
     """
     if not all(weighing.grasps for weighing in weighings):
         raise ValueError("no recording with the load on the hand")

@@ -120,11 +120,7 @@ def at_rest(samples: Samples) -> Mask:
 
 
 def mean_pose(samples: Samples) -> Pose:
-    """Average the TCP pose (world) of samples that lie close together.
-
-    Raises:
-        ValueError: there are no samples.
-    """
+    """Average the TCP pose (world) of samples that lie close together. Raises ValueError: there are no samples."""
     if not len(samples):
         raise ValueError("no samples to average a pose over")
     quaternions = samples.pose_world_tcp[:, 3:]
@@ -183,8 +179,7 @@ class MeanVelocity:
 def mean_velocity(trace: Trace, recording: Recording) -> MeanVelocity:
     """Compute displacement over duration, which is less noisy than the mean of the sensed twist.
 
-    Raises:
-        ValueError: the recording has fewer than two samples.
+    Raises ValueError: the recording has fewer than two samples.
     """
     samples = trace.of(recording)
     if len(samples) < 2:

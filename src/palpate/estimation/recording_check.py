@@ -199,8 +199,7 @@ def explained(claim: Claim, is_steady: bool = False) -> FitTest:
 def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
     """Test that an upright `arm` with the same mass on its hand, at most its payload, explains a recording.
 
-    Raises:
-        InputError: Angles or velocities are impossible for the arm (`require_within_limits`).
+    Raises InputError: angles or velocities are impossible for the arm (`require_within_limits`).
     """
     require_within_limits(log, arm)
     everywhere = np.ones(len(log), dtype=bool)
@@ -210,8 +209,7 @@ def explained_upright(log: ArmLog, arm: RobotDescription) -> FitTest:
 def require_within_limits(log: ArmLog, arm: RobotDescription) -> None:
     """Check that angles and velocities are possible for `arm`.
 
-    Raises:
-        InputError: They are not; the message names the joint.
+    Raises InputError: they are not; the message names the joint.
     """
     # Angles against joint ranges.
     limits, low, high = arm.limits, log.q.min(axis=0), log.q.max(axis=0)

@@ -322,8 +322,7 @@ class SurfaceTouch:
 def touches_of(trace: Trace, recordings: Iterable[Recording]) -> list[SurfaceTouch]:
     """Find the touches of the guarded descents before recorded poses; skip those without contact.
 
-    Raises:
-        ValueError: see `find_touch`.
+    Raises ValueError: see `find_touch`.
     """
     met = [find_touch(trace, recording) for recording in recordings]
     return [touch for touch in met if touch is not None]
@@ -380,8 +379,7 @@ def loading_curve_view(touch: SurfaceTouch, height: float, effect: Array) -> Fit
 def find_touch(trace: Trace, recording: Recording) -> SurfaceTouch | None:
     """Find the touch of the guarded descent before a recorded pose; None without a lasting contact force.
 
-    Raises:
-        ValueError: the recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: the recording holds no samples, or no guarded descent comes before it.
     """
     descent = descent_before(trace, recording)
     if descent is None:

@@ -23,10 +23,7 @@ def tree_xml(plan: Plan, words: Vocabulary) -> str:
 
     Arguments become ports. Buffers that primitives write and read become blackboard entries, e.g.
     `gripper_forces="{gripper_forces}"`. Elements of lists are separated by semicolons, as BT.CPP
-    expects.
-
-    Raises:
-        InputError: the plan has no tree, or names an unknown node.
+    expects. Raises InputError: the plan has no tree, or names an unknown node.
     """
     if plan.tree is None:
         raise InputError(f"the plan has no tree to write: {plan.explanation}")

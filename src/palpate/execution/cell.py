@@ -30,11 +30,7 @@ class GuidedHand(Protocol):
     """A hand that a person guides."""
 
     def where(self) -> tuple[Pose, float]:
-        """Pose of the TCP in the world, and m between the fingers.
-
-        Raises:
-            Unavailable: it does not answer.
-        """
+        """Pose of the TCP in the world, and m between the fingers. Raises Unavailable: it does not answer."""
         ...
 
     def close(self) -> None:
@@ -74,9 +70,7 @@ class Lesson:
         """Enter an object or a place at the pose of the hand; return the entry as text.
 
         `width` is the opening of the fingers, m.
-
-        Raises:
-            InputError: the hand does not point down, or the object cannot be grasped from above.
+        Raises InputError: the hand does not point down, or the object cannot be grasped from above.
         """
         # Only poses of a hand that points down can be compared with top-down grasps.
         if pose_world_tcp.rotation[2, 2] > -LEVEL:
@@ -101,10 +95,7 @@ class Lesson:
         """Enter the middle of an object; return the entry as text.
 
         `x` and `y` are m ahead of the arm's base and to its left. `yaw` is the turn in rad from the
-        object's pose in the scene.
-
-        Raises:
-            InputError: the scene has no such object.
+        object's pose in the scene. Raises InputError: the scene has no such object.
         """
         if name not in self.scene.objects:
             raise unknown_name("object", name, self.scene.objects)

@@ -69,8 +69,7 @@ class Foresight:
     def settled(self, path: str, blackboard: Blackboard) -> SymbolicState:
         """State after the leaf `path`, with all objects at their final poses of the rehearsal.
 
-        Raises:
-            LeafFailure: the fingers hold another object than in the rehearsal.
+        Raises LeafFailure: the fingers hold another object than in the rehearsal.
         """
         if reason := self._other(path, blackboard):
             raise LeafFailure(f"not as rehearsed: {reason}")

@@ -115,9 +115,7 @@ def run(
 
     The robot is left holding its position; the caller closes it. `noiseless` marks a simulated robot,
     whose signals neither freeze nor get lost.
-
-    Raises:
-        InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
+    Raises InputError: the plan has no tree, or one that cannot be built; nothing has moved then.
     """
     if plan.tree is None:
         raise InputError(f"the plan has no tree to run: {plan.explanation}")

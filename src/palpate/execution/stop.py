@@ -192,8 +192,7 @@ class PutDown(Primitive):
     def _lower(self, blackboard: Blackboard, name: str, place: Pose) -> Wait:
         """Move down until the support carries the object.
 
-        Raises:
-            LeafFailure: no support, an obstacle above it, or a support that yields.
+        Raises LeafFailure: no support, an obstacle above it, or a support that yields.
         """
         robot, filtered, load = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.load
         travel = max(height_above(blackboard, place), 0.0) + EXTRA_TRAVEL

@@ -203,11 +203,7 @@ def annotate(
 
 
 def _tags(
-    things: Mask,
-    draw: ImageDraw.ImageDraw,
-    camera: Camera,
-    names: Mapping[str, Array],
-    size: int,
+    things: Mask, draw: ImageDraw.ImageDraw, camera: Camera, names: Mapping[str, Array], size: int
 ) -> dict[str, tuple[Pixel, Box]]:
     """Return for each name the pixel of its object and the box of its label.
 

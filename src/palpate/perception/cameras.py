@@ -73,11 +73,7 @@ class RealSense:
         self.lens = Lens(np.array(matrix), (stated.width, stated.height), distortion)
 
     def frames(self) -> Iterator[NDArray[np.uint8]]:
-        """Yield pictures (height, width, 3), RGB, until closed.
-
-        Raises:
-            Unavailable: the camera stopped.
-        """
+        """Yield pictures (height, width, 3), RGB, until closed. Raises Unavailable: the camera stopped."""
         try:
             for count in range(10**9):
                 try:
@@ -179,11 +175,7 @@ class Stream:
         self._first.set()
 
     def latest(self) -> NDArray[np.uint8]:
-        """Return the newest picture.
-
-        Raises:
-            Unavailable: the camera has stopped.
-        """
+        """Return the newest picture. Raises Unavailable: the camera has stopped."""
         # Wait for the first picture, then require a fresh one.
         self._first.wait(CAMERA_TIMEOUT)
         if self._failed is not None:

@@ -107,11 +107,7 @@ def sharpness(picture: NDArray[np.uint8]) -> float:
 
 
 def frames(source: int | str) -> Iterator[NDArray[np.uint8]]:
-    """Yield RGB frames of a camera by its number, or of a video file.
-
-    Raises:
-        Unavailable: it cannot be opened.
-    """
+    """Yield RGB frames of a camera by its number, or of a video file. Raises Unavailable: it cannot be opened."""
     cv2: Any = opencv()
     capture = cv2.VideoCapture(source)
     try:

@@ -142,12 +142,7 @@ def _add_look(spec: mujoco.MjSpec, body: mujoco.MjsBody, look: str, fit: LookBox
 
 
 def _paint(
-    spec: mujoco.MjSpec,
-    name: str,
-    looks: Any,
-    material: str,
-    words: str,
-    colour: Array,
+    spec: mujoco.MjSpec, name: str, looks: Any, material: str, words: str, colour: Array
 ) -> str | None:
     """Copy a material of the looks; return its name, or None if the words leave nothing to paint."""
     # A content is chosen by the words, and a sign without words is left out.
@@ -178,11 +173,7 @@ def add_texture(spec: mujoco.MjSpec, material: mujoco.MjsMaterial, pixels: Pixel
 
 
 def _copy_mesh(
-    spec: mujoco.MjSpec,
-    name: str,
-    source: Any,
-    mesh: str,
-    scale: Sequence[float] = (1.0, 1.0, 1.0),
+    spec: mujoco.MjSpec, name: str, source: Any, mesh: str, scale: Sequence[float] = (1.0, 1.0, 1.0)
 ) -> None:
     """Add a mesh of another model under a new name, enlarged by `scale` along each axis."""
     copied, theirs = spec.add_mesh(name=name), source.mesh(mesh)

@@ -35,10 +35,7 @@ def calibrated_camera(
 
     Without a calibration, both stay as given. A camera on the hand moves with the hand: at `hand`,
     else at the joints of the mount, else at home. Its covariance includes the pose error of the
-    hand.
-
-    Raises:
-        InputError: the mount has another number of joints than the arm.
+    hand. Raises InputError: the mount has another number of joints than the arm.
     """
     lens, mount = _calibrated_place(scene, lens, mount)
     if mount is None or not mount.on_hand:

@@ -286,8 +286,7 @@ class HandEye:
 def hand_eye(views: CalibrationViews, corners: Sequence[Array]) -> HandEye:
     """Calibrate a camera from the tag corners (4, 2) in each picture, pixels.
 
-    Raises:
-        InputError: too few pictures, or too many rejected ones.
+    Raises InputError: too few pictures, or too many rejected ones.
     """
     # Reject the picture with the largest χ² and fit again, until all remaining ones are consistent.
     kept = list(range(len(corners)))

@@ -163,8 +163,7 @@ class _Lens(Section):
 def read_lens(path: Path) -> tuple[Lens, Mount | None]:
     """Read a lens and, if stated, the pose of its camera.
 
-    Raises:
-        InputError: the file is unreadable or not of this form.
+    Raises InputError: the file is unreadable or not of this form.
     """
     content = plain_yaml(read_text(path, MAX_BYTES, "a camera's intrinsics"), str(path))
     try:

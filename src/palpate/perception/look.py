@@ -149,11 +149,7 @@ class Seen:
         return Poses.model_validate(self.content).objects
 
     def save(self, path: str | Path) -> Path:
-        """Write a poses.yaml.
-
-        Raises:
-            InputError: the file exists or cannot be written.
-        """
+        """Write a poses.yaml. Raises InputError: the file exists or cannot be written."""
         path = Path(path)
         # Parse the text before it is written, so that no invalid file results.
         text = yaml_text(self.content)

@@ -148,10 +148,7 @@ SHOWN = 2  # Last visible geom group, as in MuJoCo's viewer
 
 
 def request(
-    scene: Scene,
-    picture: NDArray[np.uint8],
-    lens: Lens,
-    depth: NDArray[np.uint16] | None = None,
+    scene: Scene, picture: NDArray[np.uint8], lens: Lens, depth: NDArray[np.uint16] | None = None
 ) -> bytes:
     """Return the JSON document for an estimator."""
     # Picture, intrinsics with distortion, and a mesh of each object.
@@ -180,8 +177,7 @@ def _png(pixels: NDArray[np.uint8] | NDArray[np.uint16]) -> str:
 def parse_answer(answer: bytes, names: Mapping[str, Any]) -> dict[str, Estimated]:
     """Parse and validate the poses in an estimator's answer.
 
-    Raises:
-        InputError: the answer has another form, or an unknown object.
+    Raises InputError: the answer has another form, or an unknown object.
     """
     try:
         read = _Answer.model_validate_json(answer)

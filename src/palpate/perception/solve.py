@@ -86,9 +86,7 @@ class Outliers:
 
     def __add__(self, other: Outliers) -> Outliers:
         return Outliers(
-            self.tags + other.tags,
-            self.leaning + other.leaning,
-            self.estimates + other.estimates,
+            self.tags + other.tags, self.leaning + other.leaning, self.estimates + other.estimates
         )
 
 
@@ -125,11 +123,7 @@ class Solution:
 
 
 def solve(problem: Problem) -> Solution:
-    """Fit a picture, with stepwise rejection of outliers.
-
-    Raises:
-        InputError: the camera pose is unknown.
-    """
+    """Fit a picture, with stepwise rejection of outliers. Raises InputError: the camera pose is unknown."""
     # Remove the worst outlier and fit again, because an outlier also shifts the other residuals.
     given_up = Outliers()
     fit = _best(problem)
@@ -339,11 +333,7 @@ def _tilt(pose: Pose, reference: Pose) -> Array:
 
 
 def _starts(problem: Problem) -> Iterator[tuple[Pose, Mapping[str, Pose]]]:
-    """Yield initial poses of camera and bodies.
-
-    Raises:
-        InputError: the camera pose is unknown.
-    """
+    """Yield initial poses of camera and bodies. Raises InputError: the camera pose is unknown."""
 
     def area(number: int) -> float:
         return float(np.ptp(problem.seen[number], axis=0).prod())

@@ -10,14 +10,7 @@ import mujoco
 import numpy as np
 
 from palpate.common.pose import Array
-from palpate.perception.dress import (
-    TABLE,
-    Looks,
-    add_texture,
-    dress,
-    looks_in,
-    shape_arm,
-)
+from palpate.perception.dress import TABLE, Looks, add_texture, dress, looks_in, shape_arm
 from palpate.perception.prints import ASSETS, picture
 from palpate.perception.renderer import AMBIENT as LEAST
 from palpate.perception.renderer import (

@@ -35,8 +35,7 @@ class SceneTag:
 def tags_of(scene: Scene) -> dict[int, SceneTag]:
     """Return the tags of a scene by number.
 
-    Raises:
-        InputError: a number outside the family, an invalid size, or a tag on a drawer or door.
+    Raises InputError: a number outside the family, an invalid size, or a tag on a drawer or door.
     """
     shapes = scene.resolved.shapes
     model, data = shapes.model, shapes.data

@@ -135,10 +135,7 @@ def parse_plan(text: str | bytes) -> Plan:
     """Parse a plan from JSON text: a plan file, a run's `plan.json`, or a model's answer.
 
     Other fields of the document (a provider's usage, findings, …) are ignored.
-
-    Raises:
-        InputError: not JSON, too large, too deep, or not in the form of a plan; the message states
-            the place.
+    Raises InputError: not JSON, too large, too deep, or not in the form of a plan; the message states the place.
     """
     # Bound the size before the text is decoded or searched.
     if len(text) > MAX_BYTES:

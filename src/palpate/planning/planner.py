@@ -119,9 +119,7 @@ def named_parameters(names: Iterable[str], scene: Scene) -> tuple[Parameter, ...
 
     A pattern selects missing parameters: `bottle.*` for all of the bottle, `*.mass` for every mass,
     `missing` for all. It may match nothing if nothing is missing.
-
-    Raises:
-        InputError: no such body or quantity, or a quantity that such a body does not have.
+    Raises InputError: no such body or quantity, or a quantity that such a body does not have.
     """
     found: list[Parameter] = []
     # Each given name may be a comma-separated list.

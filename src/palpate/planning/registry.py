@@ -155,9 +155,7 @@ def planners() -> Planners:
 
     An entry point names a module. Every public planner class and every public `PlannerKind` in it
     is registered under its name. Built-in names cannot be replaced.
-
-    Raises:
-        InputError: the module of an entry point cannot be loaded; the message names it.
+    Raises InputError: the module of an entry point cannot be loaded; the message names it.
     """
     kinds = [
         PlannerKind("symbolic", _symbolic),

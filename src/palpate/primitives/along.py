@@ -192,8 +192,7 @@ def _objects_met(state: SymbolicState, name: str, way: Way) -> Iterator[Violatio
             if _near(shapes, moving.geoms, shapes.objects[other].geoms, here, there):
                 where = "in its path" if i else "in it or on it"
                 yield Violation(
-                    "blocked",
-                    f"'{other}' is {where} as '{name}' moves; {carry_away(other)}",
+                    "blocked", f"'{other}' is {where} as '{name}' moves; {carry_away(other)}"
                 )
                 return
 

@@ -333,8 +333,7 @@ def untouchable(state: SymbolicState, direction: Array, travel: float) -> Iterat
     first = touch(state, direction, travel)
     if first is None:
         yield Violation(
-            PRECONDITION,
-            f"there is no body within {travel:.2f} m of '{state.at}'; {starts(state)}",
+            PRECONDITION, f"there is no body within {travel:.2f} m of '{state.at}'; {starts(state)}"
         )
         return
     hit, _ = first

@@ -214,10 +214,7 @@ class CloseGripper(Primitive):
                 f"{_picture_advice(blackboard.state)}"
             )
         blackboard.load = replace(
-            blackboard.load,
-            width=width,
-            gives=met - width,
-            grasped_at=robot.state.pose_world_tcp,
+            blackboard.load, width=width, gives=met - width, grasped_at=robot.state.pose_world_tcp
         )
         return f"grasped at {1e3 * width:.1f} mm"
 

@@ -253,9 +253,7 @@ def wait_guarded_span(
     """Wait until the current motion has passed a guarded span, with `left` m of path behind the span.
 
     Returns True if the held object is set down on its support, which ends the motion.
-
-    Raises:
-        LeafFailure: any other contact; the arm still presses on it.
+    Raises LeafFailure: any other contact; the arm still presses on it.
     """
     robot, filtered, scene = blackboard.robot, WrenchFilter(blackboard.robot), blackboard.scene
     # Joints that reverse, in a lift or as the elbow sways, reverse their friction: that is no contact.
@@ -325,9 +323,7 @@ def lower(blackboard: Blackboard, goal: str) -> Wait:
     support again. The joint friction of a folded arm may look like that too. So repeat, each time
     with twice the press. The contact is intended: `lifted` is false meanwhile, since reversed joint
     friction may exceed the forces that carrying explains.
-
-    Raises:
-        LeafFailure: no support carries the object within `POSE_ERROR` below.
+    Raises LeafFailure: no support carries the object within `POSE_ERROR` below.
     """
     before = blackboard.state
     for lowering in range(LOWERINGS):
@@ -408,8 +404,7 @@ def slide(blackboard: Blackboard, target: Pose, most: float) -> Wait:
 def drag(blackboard: Blackboard, most: float) -> Generator[float | None, None, Array]:
     """Wait until the commanded motion has ended, and return the wrench (6,) right before.
 
-    Raises:
-        LeafFailure: the median force of some ticks is more than `most` N sideways, or the carrier may move along.
+    Raises LeafFailure: the median force of some ticks is more than `most` N sideways, or the carrier may move along.
     """
     robot, filtered, rows = blackboard.robot, WrenchFilter(blackboard.robot), list[Array]()
     start, looked = robot.state.pose_world_tcp, False
@@ -437,9 +432,7 @@ def require_still_carrier(blackboard: Blackboard, wrenches: Array) -> None:
     """Require that a slide has another friction than its carrier on the carrier's own support.
 
     A loose carrier that moves along has that friction, whatever it weighs. `wrenches` (n, 6) are those of the slide.
-
-    Raises:
-        LeafFailure: the carrier may move with the held object.
+    Raises LeafFailure: the carrier may move with the held object.
     """
     state, hanging = blackboard.state, blackboard.load.hanging
     if hanging is None or state.holding is None:

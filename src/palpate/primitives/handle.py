@@ -163,8 +163,7 @@ class FindLimits(_Working):
 def return_fixture(blackboard: Blackboard) -> Wait:
     """Move the held fixture slowly along its joint to where it was grasped.
 
-    Raises:
-        LeafFailure: it is stuck, or slipped out of the fingers.
+    Raises LeafFailure: it is stuck, or slipped out of the fingers.
     """
     state, name = before(blackboard)
     joint = state.scene.body(name).joint

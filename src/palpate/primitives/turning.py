@@ -151,9 +151,7 @@ class _Turning(Primitive):
         """Require that the held object hangs as at the wrench `before` (6,).
 
         The same turn with the empty hand measures the change of the moment by joint friction alone.
-
-        Raises:
-            LeafFailure: it slid or turned in the fingers.
+        Raises LeafFailure: it slid or turned in the fingers.
         """
         load, tool = blackboard.load, blackboard.robot.state.pose_world_tcp
         # Empty hand: learn the effect of joint friction. With a load: compare the moments.

@@ -81,8 +81,7 @@ def mount_sensor(spec: mujoco.MjSpec, hand: ParallelHand, sensor: WristSheet) ->
 def compile_arm(mjcf: Path, sheet: Sheet) -> mujoco.MjModel:
     """Compile an arm's file with the sensor that its description mounts.
 
-    Raises:
-        InputError: MuJoCo does not accept the file, or it is larger than a robot's.
+    Raises InputError: MuJoCo does not accept the file, or it is larger than a robot's.
     """
     model = compile_mjcf(mjcf)
     names = [model.body(i).name for i in range(model.nbody)]
@@ -109,11 +108,7 @@ def sensor_of(model: mujoco.MjModel, sheet: Sheet) -> WrenchSensor | None:
 
 
 def compile_mjcf(mjcf: Path) -> mujoco.MjModel:
-    """Compile an MJCF file.
-
-    Raises:
-        InputError: MuJoCo does not accept the file, or it is larger than a robot's.
-    """
+    """Compile an MJCF file. Raises InputError: MuJoCo does not accept the file, or it is larger than a robot's."""
     require_limits(read_document(mjcf), str(mjcf))
     try:
         return mujoco.MjModel.from_xml_path(str(mjcf))
@@ -180,8 +175,7 @@ def triple(vector: Array) -> Triple:
 def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     """Require hinges and a parallel hand, and no other joints.
 
-    Raises:
-        InputError: another kind of robot; the message names the reason.
+    Raises InputError: another kind of robot; the message names the reason.
     """
     require_axes(where, sheet)
     # Every named part exists.
@@ -212,8 +206,7 @@ def require_arm(where: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
 def require_axes(where: Path, sheet: Sheet) -> None:
     """Require a number of joints that can weigh, and as many figures of each kind.
 
-    Raises:
-        InputError: too few or too many joints, or a list of another length.
+    Raises InputError: too few or too many joints, or a list of another length.
     """
     count = len(sheet.joints)
     if count not in ((AXES,) if sheet.wrench_sensor is None else SENSED_AXES):
@@ -495,8 +488,7 @@ class RobotDescription:
 def read_description(folder: Path, name: str, known: Mapping[str, Path]) -> RobotDescription:
     """Read the arm that a folder describes; `known` has the folders of the arms that it may be `like`.
 
-    Raises:
-        InputError: the folder has no valid description, or its MJCF is not such an arm.
+    Raises InputError: the folder has no valid description, or its MJCF is not such an arm.
     """
     sheet = read_sheet(folder, known)
     mjcf = folder / sheet.mjcf
@@ -645,8 +637,7 @@ def tool_boxes(model: mujoco.MjModel, hand: ParallelHand) -> Iterator[tuple[int,
 def require_shapes(where: Path, mjcf: Path, sheet: Sheet, model: mujoco.MjModel) -> None:
     """Require that TCP and palm agree with the colliding shapes of the hand.
 
-    Raises:
-        InputError: they do not; the message names the figure and both files.
+    Raises InputError: they do not; the message names the figure and both files.
     """
     hand, end, fingers = sheet.hand, pads_end(model, sheet.hand), finger_bodies(model, sheet.hand)
     boxes = list(tool_boxes(model, hand))

@@ -28,10 +28,7 @@ CACHED_POSES = 4096
 
 
 def inverse_kinematics(
-    arm: RobotDescription,
-    pose_world_tcp: Pose,
-    pose_world_base: Pose,
-    seed_q: Array | None = None,
+    arm: RobotDescription, pose_world_tcp: Pose, pose_world_base: Pose, seed_q: Array | None = None
 ) -> Array | None:
     """Compute joint angles (7,), rad, for a pose of the TCP; None if none is found.
 

@@ -35,9 +35,7 @@ class Arms(Registry[Path]):
     def load(self, name_or_path: str) -> RobotDescription:
         """Load the arm of that name or folder; an unchanged file is the same object.
 
-        Raises:
-            InputError: unknown; the message lists the valid names. Or the folder's description is
-                not valid.
+        Raises InputError: unknown; the message lists the valid names. Or the folder's description is not valid.
         """
         folder = Path(name_or_path)
         if name_or_path in self or not (folder / FILE).is_file():
@@ -104,9 +102,7 @@ def own_arm(
 
     It is the description with the springs of a `real` arm, the figures of a datasheet, and the figures of the
     robot.yaml `config`; later figures replace earlier ones.
-
-    Raises:
-        InputError: no such arm, or the file cannot be read, or belongs to another arm.
+    Raises InputError: no such arm, or the file cannot be read, or belongs to another arm.
     """
     arm = load_description(name, cautious)
     if real:
@@ -127,9 +123,7 @@ def require_same(
     """Require that a robot.yaml was measured on this arm.
 
     `simulated` is the noise model and seed of the embedded arm, None for a real one.
-
-    Raises:
-        InputError: it was measured on another arm; `where` names the file.
+    Raises InputError: it was measured on another arm; `where` names the file.
     """
     measured = config.simulated if config is not None else None
     if measured is None or (measured.noise, measured.seed) == simulated:
@@ -163,8 +157,7 @@ def _apply_figures(
 def apply_calibration(arm: RobotDescription, config: RobotConfig) -> RobotDescription:
     """Return the arm with the figures of a robot.yaml.
 
-    Raises:
-        InputError: the figures are those of an arm with another number of joints.
+    Raises InputError: the figures are those of an arm with another number of joints.
     """
     lists = {
         "torque_gain.value": config.torque_gain and config.torque_gain.value,

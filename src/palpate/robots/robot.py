@@ -173,8 +173,7 @@ class Robot(Protocol):
     def advance(self, duration: float) -> None:
         """Let `duration` s of robot time pass, and update the state: simulated robots step, real robots wait.
 
-        Raises:
-            ExecutionAborted: the robot cannot continue, and accepts no further commands.
+        Raises ExecutionAborted: the robot cannot continue, and accepts no further commands.
         """
         ...
 
@@ -207,8 +206,7 @@ class Recoverable(Protocol):
     def recover(self) -> None:
         """Continue, after a person has removed the reason of the stop.
 
-        Raises:
-            Unavailable: it cannot continue; the message names the remedy.
+        Raises Unavailable: it cannot continue; the message names the remedy.
         """
         ...
 

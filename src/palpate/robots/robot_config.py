@@ -14,13 +14,7 @@ from pathlib import Path
 from typing import Annotated, Any, Literal, cast
 
 import numpy as np
-from pydantic import (
-    BeforeValidator,
-    Field,
-    PlainValidator,
-    ValidationError,
-    model_validator,
-)
+from pydantic import BeforeValidator, Field, PlainValidator, ValidationError, model_validator
 
 from palpate.common.errors import InputError
 from palpate.common.files import (
@@ -221,8 +215,7 @@ class RobotConfig(Section):
 def read_config(path: Path) -> RobotConfig:
     """Read a robot.yaml; an unchanged file is the same object.
 
-    Raises:
-        InputError: unreadable, or not of this form; the message names file and key.
+    Raises InputError: unreadable, or not of this form; the message names file and key.
     """
     return _read(path, path.stat().st_mtime_ns if path.is_file() else 0)
 

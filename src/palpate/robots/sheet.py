@@ -108,11 +108,7 @@ SPARE = 0.005  # m of clearance in the bounds of the hand
 
 
 def finite_array(value: Any, shape: tuple[int, ...], message: str) -> Array:
-    """Read an immutable array of finite numbers.
-
-    Raises:
-        ValueError: `message`.
-    """
+    """Read an immutable array of finite numbers. Raises ValueError: `message`."""
     try:
         array = np.array(value, dtype=float)
     except (TypeError, ValueError):
@@ -131,8 +127,7 @@ def numbers(count: int) -> PlainValidator:
 def joint_numbers(value: Any) -> Array:
     """Read one finite number a joint. The description compares their count with the arm's joints.
 
-    Raises:
-        ValueError: other than a list of numbers.
+    Raises ValueError: other than a list of numbers.
     """
     message = "give a list of numbers, one a joint"
     if not isinstance(value, list | tuple | np.ndarray):
@@ -370,10 +365,7 @@ INHERITED = [key for key in Sheet.model_fields if key not in OWN]  # where a fil
 
 def read_sheet(folder: Path, known: Mapping[str, Path]) -> Sheet:
     """Read and validate the `description.yaml` in a folder; `known` has the folders of the arms that it may
-    be `like`.
-
-    Raises:
-        InputError: unreadable, not YAML, or not of this form; the message names file and key.
+    be `like`. Raises InputError: unreadable, not YAML, or not of this form; the message names file and key.
     """
     path = folder / FILE
     try:

@@ -399,8 +399,7 @@ def given_offsets(poses: Poses) -> tuple[dict[str, Array], dict[str, dict[str, A
 def configurations(poses: Poses, home: Array) -> dict[str, Array]:
     """Joint configurations of poses.yaml, rad of each joint, with `home` unless it states another.
 
-    Raises:
-        InputError: a configuration has another number of joints than the arm.
+    Raises InputError: a configuration has another number of joints than the arm.
     """
     for name, joints in poses.joints.items():
         if len(joints) != len(home):

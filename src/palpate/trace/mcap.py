@@ -316,8 +316,7 @@ def encode_record(record: McapRecord) -> bytes:
 def read_mcap(path: Path) -> Trace:
     """Read the trace in a file of `write_mcap`, or, up to its end, in a file of `TraceStream`.
 
-    Raises:
-        InputError: not such a file.
+    Raises InputError: not such a file.
     """
     if not path.exists():
         raise InputError(f"no trace at '{path}'")
@@ -385,8 +384,7 @@ class GrowingRecorder(Protocol):
 class TraceStream:
     """Writer of a growing trace, block by block; it must be closed.
 
-    Raises:
-        OSError: the disk is full or unavailable. Written data stays.
+    Raises OSError: the disk is full or unavailable. Written data stays.
     """
 
     def __init__(self, path: Path, hand: NominalHand, gravity: float) -> None:
@@ -476,9 +474,7 @@ def records(file: IO[bytes], finished: bool = True) -> Iterator[McapRecord]:
 
     Neither a record nor a chunk is unpacked beyond its bound, regardless of the size that the file claims. With
     `finished`, the checksums of a complete file are verified.
-
-    Raises:
-        ValueError: unpacked, a chunk or all of them exceed their bounds.
+    Raises ValueError: unpacked, a chunk or all of them exceed their bounds.
     """
     from mcap.records import Chunk
     from mcap.stream_reader import StreamReader, breakup_chunk
@@ -519,8 +515,7 @@ def stored_messages(file: IO[bytes]) -> Iterator[tuple[Schema | None, Channel, M
 def unpack_chunk(chunk: Chunk, most: int) -> bytes:
     """Unpack the content of a chunk.
 
-    Raises:
-        ValueError: it has more than `most` bytes, or another compression than zstd or lz4.
+    Raises ValueError: it has more than `most` bytes, or another compression than zstd or lz4.
     """
     import lz4.frame
 

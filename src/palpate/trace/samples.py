@@ -130,8 +130,7 @@ class Trace:
     def to_dataframe(self) -> DataFrame:
         """Convert the samples to a pandas data frame, one row a sample, with the columns of `columns`.
 
-        Raises:
-            Unavailable: pandas is not installed.
+        Raises Unavailable: pandas is not installed.
         """
         return data_frame(self.columns())
 

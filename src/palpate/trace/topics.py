@@ -135,8 +135,7 @@ class Layout:
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
         """Decode the fields of n `messages`, by name, (n, count) each.
 
-        Raises:
-            ValueError: a message is longer or shorter than this layout.
+        Raises ValueError: a message is longer or shorter than this layout.
         """
         if any(len(message) != len(self.constant) for message in messages):
             raise ValueError(f"a message does not have {len(self.constant)} bytes")
@@ -239,8 +238,7 @@ def encode_samples(samples: Samples, hand: NominalHand) -> dict[str, tuple[str, 
 def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Samples:
     """Convert `messages`, by topic, back to samples.
 
-    Raises:
-        ValueError: a topic lacks rows, or a message has another size.
+    Raises ValueError: a topic lacks rows, or a message has another size.
     """
     # Decode the fields of all topics, and assemble the samples from them.
     signals: dict[str, NDArray[Any]] = {}

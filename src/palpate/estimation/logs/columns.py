@@ -144,8 +144,7 @@ Arms = dict[str, dict[tuple[bool, int, str], dict[int | None, LogColumn]]]
 def read_map(path: Path | None) -> ColumnMap:
     """Read a column map; without a file all columns are inferred.
 
-    Raises:
-        InputError: The file is not readable, or differs from the form of `ColumnMap`.
+    Raises InputError: the file is not readable, or differs from the form of `ColumnMap`.
     """
     if path is None:
         return ColumnMap()
@@ -159,8 +158,7 @@ def read_map(path: Path | None) -> ColumnMap:
 def find_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap, source: str) -> Arm:
     """Find the joint signals of one arm in the tables of a log, each with its topic, the longest first.
 
-    Raises:
-        InputError: t, q, tau or a mapped column is missing, or the number of matching arms is not one.
+    Raises InputError: t, q, tau or a mapped column is missing, or the number of matching arms is not one.
     """
     # Collect all candidate arms, and check their columns.
     found = [arm for place in range(len(tables)) for arm in _arms(place, *tables[place], columns)]
@@ -205,8 +203,7 @@ def any_arm(tables: Sequence[tuple[str, Table]], columns: ColumnMap) -> bool:
 def _require_numbers(arm: Arm, table: Table, source: str) -> None:
     """Check that each column of an arm is unique and has numbers in most of its rows.
 
-    Raises:
-        InputError: It is not; the message names the column.
+    Raises InputError: it is not; the message names the column.
     """
     for signal, column in ((signal, one) for signal, run in arm.columns.items() for one in run):
         # pandas numbers the second column of a name.

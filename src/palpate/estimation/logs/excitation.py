@@ -103,8 +103,7 @@ class Excitation:
 def excitation(arm: RobotDescription, seed: int = 0) -> Excitation:
     """Search for a well conditioned motion of `arm`; the result depends on the seed alone.
 
-    Raises:
-        InputError: No tried motion keeps the limits.
+    Raises InputError: no tried motion keeps the limits.
     """
     random, search = np.random.default_rng(seed), _Search(arm)
     best: Excitation | None = None

@@ -168,8 +168,7 @@ def _refuse(_: bytes) -> Any:
 def _decoder(raw: Raw) -> Decoder:
     """Build the decoder of a topic's messages.
 
-    Raises:
-        ValueError: The encoding or a type definition cannot be read; rosbags raises other errors.
+    Raises ValueError: the encoding or a type definition cannot be read; rosbags raises other errors.
     """
     if raw.encoding == "json":
         return partial(json.loads, object_hook=lambda fields: SimpleNamespace(**fields))

@@ -54,9 +54,7 @@ def statistics(log: ArmLog, arm: RobotDescription) -> LogStatistics:
     """Measure the errors of the joint torques of `arm` in a recording of free motion.
 
     A load beyond the nominal hand, or a missing hand, is fitted and does not count as an error.
-
-    Raises:
-        InputError: The recording is too short, or the described arm does not explain it.
+    Raises InputError: the recording is too short, or the described arm does not explain it.
     """
     if len(log) < 2 or log.t[-1] - log.t[0] < SHORTEST:
         raise InputError(

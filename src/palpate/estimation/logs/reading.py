@@ -92,8 +92,7 @@ def read_recording(
 def require_joint_torques(arm: RobotDescription) -> None:
     """Require an arm whose recordings of joint torques can be read.
 
-    Raises:
-        InputError: another number of joints than seven.
+    Raises InputError: another number of joints than seven.
     """
     if len(arm.joints) != JOINTS:
         raise InputError(
@@ -238,11 +237,7 @@ READERS = {
 
 
 def _check_size(table: Table, path: Path) -> None:
-    """Check the size of a table.
-
-    Raises:
-        InputError: There is no column, or there are too many rows.
-    """
+    """Check the size of a table. Raises InputError: there is no column, or there are too many rows."""
     if not table:
         raise InputError(f"{path} holds no numbers")
     rows = {name: len(values) for name, values in table.items()}

@@ -67,9 +67,7 @@ def trace_of(
     """Build the trace of a log.
 
     The hand carries a load in the log's windows. It is empty elsewhere, and in the log `empty`.
-
-    Raises:
-        InputError: A window is not in the log.
+    Raises InputError: A window is not in the log.
     """
     # Average the recording, and append that of the empty hand.
     parts = [average_bins(log)]
@@ -103,9 +101,7 @@ def trace_of_wrench(
     """Build the trace of a sensor's wrench and pose; its TCP is the origin of the sensor, and it has no joints.
 
     `base` is the pose in the world of the frame in which the sensor's pose is logged.
-
-    Raises:
-        InputError: A window is not in the log.
+    Raises InputError: A window is not in the log.
     """
     end = float(log.t[-1])
     every = log if empty is None else joined(log, empty, APART)

@@ -105,9 +105,7 @@ def find_wrench(
     """Find wrench and pose of a sensor in the tables of a log; None without a wrench.
 
     Without columns of a pose it is that of the TCP of `arm`, by the joint angles.
-
-    Raises:
-        InputError: several wrenches or poses, none of a pose, a saturated or dead sensor, or invalid columns.
+    Raises InputError: several wrenches or poses, none of a pose, a saturated or dead sensor, or invalid columns.
     """
     flat = [flat_columns(table) for _, table in tables]
     groups = [*_groups(tables, flat)]
@@ -317,8 +315,7 @@ def _choose(
 ) -> VectorColumns | None:
     """Choose the vector that the map states, or the only one.
 
-    Raises:
-        InputError: the map states none or several of them, or there are several.
+    Raises InputError: the map states none or several of them, or there are several.
     """
     if isinstance(stated, str):
         wanted = {name for part in flat for name in part if name.startswith(stated)}
@@ -420,11 +417,7 @@ def _full_poses(pose: Array, group: VectorColumns, source: str) -> tuple[Array, 
 
 
 def _require_alive(values: Array, group: VectorColumns, source: str) -> None:
-    """Check that no column of a wrench is constant or saturated.
-
-    Raises:
-        InputError: one is; the message names it.
-    """
+    """Check that no column of a wrench is constant or saturated. Raises InputError: one is; the message names it."""
     for name, column in zip(group.columns, values.T, strict=True):
         if np.ptp(column) == 0.0:
             raise InputError(

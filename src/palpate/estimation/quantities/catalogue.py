@@ -85,8 +85,7 @@ class Catalogue(Registry[Quantity]):
 def catalogue() -> Catalogue:
     """Catalogue of all installed quantities.
 
-    Raises:
-        InputError: The module of an entry point cannot be loaded; the message names it.
+    Raises InputError: the module of an entry point cannot be loaded; the message names it.
     """
     # Abstract bases have no id, and are skipped.
     types = (part for part in iter_entry_points(GROUP) if isinstance(part, type))

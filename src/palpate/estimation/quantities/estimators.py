@@ -49,11 +49,7 @@ Reference = str
 
 
 def load_estimator(reference: Reference) -> Estimator:
-    """Import the estimator of a reference.
-
-    Raises:
-        InputError: It cannot be imported; the message names it.
-    """
+    """Import the estimator of a reference. Raises InputError: it cannot be imported; the message names it."""
     module, _, function = reference.partition(":")
     try:
         return getattr(import_module(module), function)
@@ -84,8 +80,7 @@ class Estimators(Registry[Mapping[str, Reference]]):
     def load(self, quantity: str, name: str | None = None) -> Estimator:
         """Load the estimator `name` of a quantity, or its default.
 
-        Raises:
-            InputError: There is none of that name, or it cannot be imported.
+        Raises InputError: there is none of that name, or it cannot be imported.
         """
         names = self.names(quantity)
         chosen = name or next(iter(names), "")

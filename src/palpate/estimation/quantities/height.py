@@ -206,9 +206,7 @@ def estimate_height(trace: Trace, parameter: Parameter, body: Body | None) -> Es
 
     `parts` holds `penetration` (depth of the pressed tip below it), `soft onset` (world z) where a soft layer was
     pressed through, and `tilt` from three touches on.
-
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     declared = trace.converted(parameter)
     if declared is None:
@@ -315,8 +313,7 @@ class SurfaceTilt(Quantity):
 def estimate_tilt(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Tilt of a surface from the plane through all touches; `parts` holds the `angle` from level.
 
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)

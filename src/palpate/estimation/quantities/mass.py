@@ -174,9 +174,7 @@ def estimate_mass(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """Vertical force of the load over g, in contrast to the same rests and passes without the object.
 
     `parts` holds the mean of F_z/g of the recording alone as `single-shot`.
-
-    Raises:
-        ValueError: The recording holds no samples or no held object.
+    Raises ValueError: the recording holds no samples or no held object.
     """
     return _contrast(trace, parameter, by_all_motion=True)
 

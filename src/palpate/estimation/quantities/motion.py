@@ -46,9 +46,7 @@ def estimate_velocity(trace: Trace, parameter: Parameter, body: Body | None) -> 
     """Mean linear velocity of the TCP over the recording, world axes: displacement over duration.
 
     `parts` holds the mean of the sensed twist as `mean twist x/y/z`, and the `peak speed`.
-
-    Raises:
-        ValueError: The recording has fewer than two samples.
+    Raises ValueError: the recording has fewer than two samples.
     """
     recording = trace.converted(parameter)
     if recording is None:
@@ -101,9 +99,7 @@ def estimate_momentum(trace: Trace, parameter: Parameter, body: Body | None) -> 
     """Mean momentum m v of the held object over the recording, world axes.
 
     The mass is from the loaded and empty passes and rests of the same trace, without the hand.
-
-    Raises:
-        ValueError: The recording has fewer than two samples.
+    Raises ValueError: the recording has fewer than two samples.
     """
     recording = trace.converted(parameter)
     if recording is None:

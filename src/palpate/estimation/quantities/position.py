@@ -151,8 +151,7 @@ def _tops_of_objects(body: BodyDescription) -> Iterator[float]:
 def require_world_frame(body: BodyDescription) -> None:
     """Require that the element's `pos` is in the world.
 
-    Raises:
-        InputError: The element is inside a frame that moves it.
+    Raises InputError: the element is inside a frame that moves it.
     """
     outer = body.elements.posed_ancestor()
     if outer is not None:
@@ -167,10 +166,7 @@ def estimate_position(trace: Trace, parameter: Parameter, body: Body | None) -> 
 
     The closing fingers centre the object: along their direction the middle of its bounding box is at the TCP. Across
     it the fingers give no evidence, and the believed position stays. A component in which that uncertainty dominates
-    is prior-dominated.
-
-    Raises:
-        ValueError: The recording holds no samples.
+    is prior-dominated. Raises ValueError: the recording holds no samples.
     """
     recording = trace.converted(parameter)
     if recording is None:

@@ -260,16 +260,14 @@ class Quantity:
     ) -> Iterable[Change | Statement]:
         """Changes of the file that state `value`; `std` determines the number of written digits.
 
-        Raises:
-            InputError: The value has no place in this file.
+        Raises InputError: the value has no place in this file.
         """
         return ()
 
     def confirm(self, body: BodyDescription, value: tuple[float, ...]) -> None:
         """Check that `body`, compiled with the believed `value`, has that value.
 
-        Raises:
-            InputError: It has another value: the open numbers of the file have another meaning.
+        Raises InputError: it has another value: the open numbers of the file have another meaning.
         """
 
     def places(self, body: Body, value: tuple[float, ...]) -> Pose | None:

@@ -171,9 +171,7 @@ def estimate_size(trace: Trace, parameter: Parameter, body: Body | None) -> Esti
     """Extents of an object from the finger opening at its grasps, and from a touch of its top.
 
     An extent without evidence keeps its value in the scene with its prior standard deviation, and the method says so.
-
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     name = parameter.object
     poses = [recording for recording in trace.recordings if recording.buffer == POSE]
@@ -341,8 +339,7 @@ def scale_geom(
 ) -> Iterator[Edit]:
     """Changes that scale a geom by `scale` (3,) about a point `anchor` (3,) of its body.
 
-    Raises:
-        InputError: The shape does not lie along the body's axes, or others use its mesh.
+    Raises InputError: the shape does not lie along the body's axes, or others use its mesh.
     """
     kind, shapes = type_of(geom, body.elements), body.shapes
     pose = shapes.geom_pose(geom)
@@ -378,8 +375,7 @@ def scale_geom(
 def scaled_mesh(body: BodyDescription, geom: Element, scale: Array) -> Edit:
     """Change of the `scale` of a mesh asset, the only statement of its extents.
 
-    Raises:
-        InputError: Other geoms use the mesh as well.
+    Raises InputError: other geoms use the mesh as well.
     """
     # A mesh of other geoms must not change.
     name = body.defaults.attribute(geom, "mesh")

@@ -162,9 +162,7 @@ def estimate_stiffness(trace: Trace, parameter: Parameter, body: Body | None) ->
     """Stiffness of a surface from every guarded descent on it, with `first contact` (world z, m).
 
     The compliance is estimated. The interval of the stiffness is the reciprocal of its interval.
-
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     recordings = tuple(probes(trace, parameter))
     touches = touches_of(trace, recordings)
@@ -260,9 +258,7 @@ def estimate_damping(trace: Trace, parameter: Parameter, body: Body | None) -> E
     """Damping of a surface from every guarded descent on it.
 
     It is the force that depends on speed and not on depth.
-
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
     if not spring.has_value:
@@ -295,8 +291,7 @@ def mean_damping(found: Sequence[Spring]) -> tuple[float, float]:
 def estimate_restitution(trace: Trace, parameter: Parameter, body: Body | None) -> Estimate:
     """Coefficient of restitution of a body of 1 kg from the stiffness and damping of the surface.
 
-    Raises:
-        ValueError: A recording holds no samples, or no guarded descent comes before it.
+    Raises ValueError: A recording holds no samples, or no guarded descent comes before it.
     """
     spring = estimate_stiffness(trace, Parameter(parameter.object, "stiffness"), body)
     if not spring.has_value:

@@ -148,8 +148,7 @@ class Within:
     def check(self, names: Collection[str]) -> None:
         """Check that all named objects exist.
 
-        Raises:
-            InputError: An object is none of `names`; the message lists them.
+        Raises InputError: an object is none of `names`; the message lists them.
         """
         for name, _ in self.widths:
             object = name.rpartition(".")[0]

@@ -116,8 +116,7 @@ def ground(request: str, scene: Scene) -> Grounded:
 def parse(request: str, scene: Scene) -> tuple[Spotter, list[Sentence]]:
     """Find the spots of each sentence of a request.
 
-    Raises:
-        PlanRejected: a sentence is too long, or describes a body that the scene does not have.
+    Raises PlanRejected: a sentence is too long, or describes a body that the scene does not have.
     """
     nouns = Nouns(scene)
     words = tokens(nouns.split_names(request))
@@ -199,11 +198,7 @@ def is_comparison(sentence: Sentence) -> bool:
 
 
 def _refuse(sentences: Sequence[Sentence], resolver: Resolver) -> None:
-    """Reject requests for something else: parts, actions, choices, the past.
-
-    Raises:
-        PlanRejected: the reason.
-    """
+    """Reject requests for something else: parts, actions, choices, the past. Raises PlanRejected: the reason."""
     simulates = any(one.has("SIMULATE") for one in sentences)
     for one in sentences:
         spots, quantified = one.spots, any(spot.is_quantity for spot in one.spots)

@@ -8,13 +8,7 @@ from dataclasses import dataclass
 
 from palpate.mjcf.body import Body
 from palpate.planning.request.query import GRIPPER
-from palpate.planning.request.words import (
-    EXACT,
-    kinds,
-    languages,
-    singulars,
-    without_accents,
-)
+from palpate.planning.request.words import EXACT, kinds, languages, singulars, without_accents
 from palpate.scene.scene import Scene
 
 LONGEST_NAME = 6

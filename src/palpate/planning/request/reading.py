@@ -494,8 +494,7 @@ class Reading:
     def finish(self) -> None:
         """Complete the parameters after the last sentence.
 
-        Raises:
-            InputError: a wish names a body that the scene does not have.
+        Raises InputError: a wish names a body that the scene does not have.
         """
         for wish in self._wishes:
             self._require_present(wish.things)

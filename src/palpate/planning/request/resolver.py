@@ -39,9 +39,7 @@ class Resolver:
         """Return the parameters of a quantity of the given bodies.
 
         Without bodies, these are all that miss it, else all that can have it.
-
-        Raises:
-            PlanRejected: a mention is ambiguous.
+        Raises PlanRejected: a mention is ambiguous.
         """
         id = self._meant(id, things)
         if not self.catalogue[id].identifiable:
@@ -91,8 +89,7 @@ class Resolver:
     def missing(self, things: Sequence[Thing]) -> tuple[list[Parameter], str]:
         """Return the missing parameters of the bodies, or of all bodies, with a remark.
 
-        Raises:
-            PlanRejected: a mention is ambiguous.
+        Raises PlanRejected: a mention is ambiguous.
         """
         missing = list(self.scene.missing)
         names = [name for thing in things for name in self._chosen(thing, None)]
@@ -155,8 +152,7 @@ class Resolver:
     def _chosen(self, thing: Thing, id: str | None) -> list[str]:
         """Return the bodies of a mention that can have the quantity.
 
-        Raises:
-            PlanRejected: a singular mention has several such bodies.
+        Raises PlanRejected: a singular mention has several such bodies.
         """
         # Bodies that cannot have the quantity do not count as ambiguous.
         names = list(thing.names)

@@ -37,8 +37,7 @@ _PREPOSITIONS = {"nearest": " to", "farthest": " from", "left": " of", "right": 
 def farthest(place: str, names: Sequence[str], scene: Scene, said: str) -> tuple[str, str]:
     """Return the outermost body to one side, or the largest, with a remark.
 
-    Raises:
-        PlanRejected: two bodies are equally far or large.
+    Raises PlanRejected: two bodies are equally far or large.
     """
     axis, sign = _AXES[place]
     # Rank by the signed measure and compare the best two: positions by difference, sizes by ratio.
@@ -66,8 +65,7 @@ def standing(
 ) -> tuple[tuple[str, ...], str]:
     """Return the bodies of `names` with a relation to the landmarks, with a remark.
 
-    Raises:
-        PlanRejected: no body has the relation, or the choice is ambiguous.
+    Raises PlanRejected: no body has the relation, or the choice is ambiguous.
     """
     beside = _bodies(scene, marks)
     rest = _bodies(scene, [name for name in names if name not in marks])

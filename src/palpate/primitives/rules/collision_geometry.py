@@ -274,8 +274,7 @@ def unfelt(state: SymbolicState, joints: Array) -> list[Violation]:
 def require_room(scene: Scene) -> None:
     """Require that nothing overlaps the arm at `home_config`; no plan could avoid that.
 
-    Raises:
-        InputError: something overlaps a link, the hand or a closed finger there.
+    Raises InputError: something overlaps a link, the hand or a closed finger there.
     """
     home = scene.symbols.joints(HOME_CONFIG)
     # A path of zero length, with the fingers closed: only overlaps at its start matter.

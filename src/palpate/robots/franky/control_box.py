@@ -19,11 +19,7 @@ from palpate.common.errors import InputError, Unavailable
 
 @cache
 def franky() -> ModuleType:
-    """Load the module.
-
-    Raises:
-        Unavailable: it is not installed, or does not load.
-    """
+    """Load the module. Raises Unavailable: it is not installed, or does not load."""
     try:
         import franky as module  # pyright: ignore[reportMissingTypeStubs]
     except ImportError as error:
@@ -130,8 +126,7 @@ def greet(address: Address) -> Greeting:
 def require_answer(address: Address) -> None:
     """Require that the control box answers and the driver is installed.
 
-    Raises:
-        Unavailable: no answer or no driver; the message names the remedy.
+    Raises Unavailable: no answer or no driver; the message names the remedy.
     """
     if (problem := greet(address).problem) is not None:
         raise Unavailable(f"the robot at {address} cannot be used: {problem}")
@@ -141,10 +136,7 @@ def require_answer(address: Address) -> None:
 def clear(address: Address) -> None:
     """Clear the error that stopped an arm, on a person's order.
 
-    It works without franky, whose robot object cannot be created for a stopped arm.
-
-    Raises:
-        Unavailable: no answer.
+    It works without franky, whose robot object cannot be created for a stopped arm. Raises Unavailable: no answer.
     """
     try:
         with _connect(address) as line:

@@ -66,11 +66,7 @@ class HandThread:
         return self._closed and not self.moving and fingers.grasped and fingers.width > EMPTY
 
     def require_free(self) -> None:
-        """Require an empty hand.
-
-        Raises:
-            Unavailable: it holds an object.
-        """
+        """Require an empty hand. Raises Unavailable: it holds an object."""
         fingers = self.fingers
         if fingers.grasped and fingers.width > EMPTY:
             self.end()

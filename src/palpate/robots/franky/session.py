@@ -143,8 +143,7 @@ def pose_of(affine: Any) -> Pose:
 def require_end_effector(state: Any, nominal: NominalArm, pose_world_base: Pose) -> float:
     """Require the control box's TCP to agree with the description's; return their distance, m.
 
-    Raises:
-        InputError: they differ by more than `MATCH` or `TURNED`.
+    Raises InputError: they differ by more than `MATCH` or `TURNED`.
     """
     row = nominal.poses(np.array(state.q)[None])[0]
     mine, theirs = Pose(row[:3], row[3:]), pose_world_base @ pose_of(state.O_T_EE)
@@ -198,11 +197,7 @@ class FrankySession:
     """
 
     def __init__(self, address: Address) -> None:
-        """Connect.
-
-        Raises:
-            Unavailable: no answer within `CONNECTED`, or the arm is not ready.
-        """
+        """Connect. Raises Unavailable: no answer within `CONNECTED`, or the arm is not ready."""
         require_answer(address)
         module = franky()
         config = module.RealtimeConfig
@@ -222,8 +217,7 @@ class FrankySession:
     def state(self) -> Any:
         """Return franky's newest state, without blocking on an unresponsive control box.
 
-        Raises:
-            Unavailable: there is none.
+        Raises Unavailable: there is none.
         """
         try:
             return Call(lambda: self.robot.state, "palpate state").result(CONNECTED)
@@ -246,11 +240,7 @@ class FrankySession:
         self.robot.set_collision_behavior(torques, torques, wrench, wrench)
 
     def recover(self) -> None:
-        """Clear the errors that stopped the arm, on a person's order.
-
-        Raises:
-            Unavailable: it is still not ready.
-        """
+        """Clear the errors that stopped the arm, on a person's order. Raises Unavailable: it is still not ready."""
         with suppress(Exception):
             Call(self.robot.recover_from_errors, "palpate recover").result(CONNECTED)
         if problem := control_box.of_mode(self.state()):

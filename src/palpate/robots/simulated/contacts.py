@@ -27,10 +27,7 @@ def let_touch(world: mujoco.MjSpec) -> None:
 
     MuJoCo lets two shapes collide where a bit of one's `contype` is in the other's `conaffinity`. A scene
     may use bits that the robot's shapes lack, so that these would pass through each other. Contacts within
-    the scene stay unchanged.
-
-    Raises:
-        InputError: every bit is in use.
+    the scene stay unchanged. Raises InputError: every bit is in use.
     """
     robot = [geom for geom in world.geoms if is_robots(geom) and geom.contype]
     others = [geom for geom in world.geoms if not is_robots(geom)]
@@ -137,8 +134,7 @@ class Stiction:
 def declared_stiction(model: mujoco.MjModel) -> tuple[Stiction, ...]:
     """Read the static friction declared in the model's `<custom>`.
 
-    Raises:
-        InputError: a declaration names no object of the world, or less than its dynamic friction.
+    Raises InputError: a declaration names no object of the world, or less than its dynamic friction.
     """
     numerics = [model.numeric(i) for i in range(model.nnumeric)]
     return tuple(

@@ -16,13 +16,7 @@ from mujoco.rollout import Rollout
 from palpate.common.errors import ExecutionAborted, InputError
 from palpate.common.pose import Array, Pose
 from palpate.mjcf.contacts import CCD_TOLERANCE
-from palpate.robots.description import (
-    PREFIX,
-    SENSOR,
-    RobotDescription,
-    neighbours,
-    require_physics,
-)
+from palpate.robots.description import PREFIX, SENSOR, RobotDescription, neighbours, require_physics
 from palpate.robots.simulated.actuators import (
     DRIVE,
     Actuators,
@@ -142,9 +136,7 @@ class World:
 
         A contact reflex of the guard ends the run early: the arm yields for the rest of that block. A change of
         the force that the guard notices ends the run with the tick in which it occurs.
-
-        Raises:
-            ExecutionAborted: the physics became unstable.
+        Raises ExecutionAborted: the physics became unstable.
         """
         count = len(control)
         # One physics step a cycle suffices while the arm moves alone.
@@ -409,16 +401,11 @@ class World:
 
 
 def compile_world(
-    spec: mujoco.MjSpec,
-    pose_world_base: Pose,
-    arm: RobotDescription,
-    truth: TrueArm,
-    substeps: int,
+    spec: mujoco.MjSpec, pose_world_base: Pose, arm: RobotDescription, truth: TrueArm, substeps: int
 ) -> mujoco.MjModel:
     """Compile the world with the true robot in it, with `substeps` physics steps in a control cycle.
 
-    Raises:
-        InputError: it does not compile, or lacks physics that weighing and touching need.
+    Raises InputError: it does not compile, or lacks physics that weighing and touching need.
     """
     # Build the true robot: exclude contact of neighbouring links, add the hand's drive, round the fingers.
     require_physics(spec.option)

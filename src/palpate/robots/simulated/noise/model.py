@@ -90,8 +90,7 @@ class Streams:
 def array_of(value: Any, shape: Shape, message: str) -> Array:
     """Read numbers, including infinite ones, in `shape`, from a scalar, one number per joint, or all of them.
 
-    Raises:
-        ValueError: `message`.
+    Raises ValueError: `message`.
     """
     try:
         require_numbers(value)

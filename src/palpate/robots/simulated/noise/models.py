@@ -39,8 +39,7 @@ class NoiseModels(Registry[NoiseModel]):
     def load(self, name_or_path: str, arm: RobotDescription | None = None) -> NoiseModel:
         """Load the model of `--noise NAME|FILE.yaml` for an arm, by default the FR3.
 
-        Raises:
-            InputError: unknown (the message lists the names), or the file is no valid model.
+        Raises InputError: unknown (the message lists the names), or the file is no valid model.
         """
         arm = arm or load_description()
         count = len(arm.joints)
