@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from pathlib import Path
 
 import mujoco
@@ -22,6 +23,7 @@ from palpate.robots.springs import Swivel
 
 UR5E = load_description("ur5e")
 BASE = Pose.of([0, 0, 0])
+SCENARIOS = Path(pp.__file__).parent / "studies" / "scenarios"
 SPRING = 2e4  # N/m
 SCALE = f"""<mujoco><worldbody><body name="plate" pos="0.45 0 0.1" gravcomp="1">
   <joint type="slide" axis="0 0 1" stiffness="{SPRING}" damping="200"/>
@@ -199,3 +201,15 @@ def test_lists_of_another_number_of_joints_are_refused(tmp_path: Path) -> None:
         InputError, match=r"7 numbers in 'torque_gain.value', and the arm 'ur5e' has 6"
     ):
         pp.load(scene, arm="ur5e", robot_config=tmp_path / "robot.yaml")
+
+
+@pytest.mark.long
+def test_a_mass_is_read_from_the_sensor_while_the_ur5e_moves() -> None:
+    run = pp.run(
+        SCENARIOS / "bottle_and_table" / "scene.xml", measure="bottle.mass", arm="ur5e", fast=True
+    )
+    (converted,) = (leaf for leaf in run.trace.leaves if leaf.primitive == "Force2Mass")
+    value, std = re.findall(r"\d\.\d+", converted.message)
+    true = run.truth[pp.Parameter("bottle", "mass")][0]
+    assert abs(float(value) - true) < float(std)
+    assert run["bottle.mass"].verdict == "identified"

@@ -38,9 +38,9 @@ EASINGS = 8  # Largest number of reductions of a pressing force; each leaves a f
 # Estimators of the conversions during a run, by quantity; others are the defaults. Reported values
 # are estimated after the run, from all recordings.
 MEANWHILE: Mapping[str, str] = {"mass": "rests-and-passes"}
-# Estimators for a robot without noise, by quantity. Its forces have no bias. The default estimator
-# removes the bias by a contrast, at a large cost.
-NOISELESS: Mapping[str, str] = {"mass": "single-shot"}
+# Estimators for a robot without noise or with a wrist sensor, by quantity. Its forces have hardly any
+# bias. The default estimator removes the bias of joint torques by a contrast, at a large cost.
+UNBIASED: Mapping[str, str] = {"mass": "single-shot"}
 # `LeafRun.node` of the runner's own leaves in a controlled stop; no plan has such a node.
 STOP_NODE = "stop"
 
@@ -121,7 +121,8 @@ def run(
         raise InputError(f"the plan has no tree to run: {plan.explanation}")
     watched = Watched(robot, scene.arm, sound=noiseless)
     passing = cast(Robot, watched)  # it passes all other members of its robot
-    choice = NOISELESS if noiseless else MEANWHILE
+    sensed = scene.arm.nominal.wrench_sensor is not None
+    choice = UNBIASED if noiseless or sensed else MEANWHILE
     blackboard = Blackboard(
         passing, SymbolicState(scene), Recorder(passing), choice=choice, settled=settled
     )
