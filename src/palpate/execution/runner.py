@@ -19,6 +19,7 @@ from palpate.execution.leaf import PrimitiveLeaf, build
 from palpate.execution.stop import Fate, HeldObject, PutDown, let_slip, lost, state_after_release
 from palpate.planning.plan import Plan
 from palpate.primitives.base import Blackboard, Recorder, Settled, keep_state
+from palpate.primitives.guarding import is_in_motion
 from palpate.primitives.registry import Vocabulary, vocabulary
 from palpate.primitives.state import SymbolicState
 from palpate.robots.robot import Robot, RobotState
@@ -324,7 +325,9 @@ class Loop:
         for _ in self.ticks(STOP_SECONDS):
             self.show()
             state = self.blackboard.robot.state
-            if self.hold_reason() or not (state.moving or state.gripper_moving):
+            # After a reflex the arm still yields, without a commanded motion.
+            moves = state.moving or state.gripper_moving or is_in_motion(state)
+            if self.hold_reason() or not moves:
                 return
 
     def is_pressing(self) -> bool:

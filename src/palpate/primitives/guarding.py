@@ -17,7 +17,7 @@ from palpate.primitives.rules.grasp import most_sideways
 from palpate.primitives.rules.profile import GUARDED_SPEED, POSE_ERROR, PathSpan, leaves, speed
 from palpate.primitives.rules.support import footing, support_friction
 from palpate.robots.pace import SUSTAINED, mistaken_force
-from palpate.robots.robot import Robot
+from palpate.robots.robot import Robot, RobotState
 from palpate.robots.sheet import Reflex, Reflexes
 
 SETTLED_SPEED = 0.003  # m/s
@@ -144,10 +144,17 @@ def settle(blackboard: Blackboard, dwell: float = DWELL) -> Wait:
         yield dwell - (now - since)
 
 
+def is_in_motion(state: RobotState) -> bool:
+    """Test if the arm moves, by a command or because it yields."""
+    return bool(
+        np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING
+    )
+
+
 def _last_motion_time(blackboard: Blackboard) -> float:
     """Return the robot time, s, of the last motion since the last tick; -inf if the arm was at rest."""
     state, rows = blackboard.robot.state, blackboard.recorder.newest
-    if np.linalg.norm(state.twist[:3]) > SETTLED_SPEED or np.abs(state.dq).max() > CREEPING:
+    if is_in_motion(state):
         return state.t
     moves = np.linalg.norm(rows.twist[:, :3], axis=1) > SETTLED_SPEED
     moves |= np.abs(rows.dq).max(1, initial=0.0) > CREEPING

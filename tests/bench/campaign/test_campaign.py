@@ -75,7 +75,6 @@ def test_a_nasty_plan_is_refused_with_its_rule_or_judged() -> None:
     [
         # The check sees two things beside each other; that they are joined, physics knows.
         ("one of a pair", "two moved by", "MovePose(one_pose + z_offset)"),
-        ("weight at the far end", "ruler tipped", "MovePose(jar_pose + z_offset)"),
     ],
 )
 def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal(
@@ -86,6 +85,13 @@ def test_a_plan_whose_harm_is_physics_is_refused_by_the_rehearsal(
     assert (refused.outcome, refused.figures["rules"]) == ("refused", ["rehearsal"])
     assert harm in refused.said[0]
     assert leaf in refused.said[0]
+
+
+def test_a_load_at_the_far_end_of_its_carrier_is_refused_by_the_check() -> None:
+    (case,) = [case for case in nasty.PHYSICS if case.name == "weight at the far end"]
+    refused = judged(case, nasty.judge)
+    assert (refused.outcome, refused.figures["rules"]) == ("refused", ["unsupported"])
+    assert "ruler" in refused.said[0]
 
 
 def test_a_probe_that_would_push_a_pole_away_is_refused_by_the_check() -> None:
