@@ -243,12 +243,32 @@ def _parts(trace: Trace, recording: Recording) -> dict[str, slice]:
 
 
 def pose_in_hand(trace: Trace, recording: Recording, body: Body) -> Pose:
-    """Pose of the object in the hand: its rest pose in the scene relative to the measured hand as it closed."""
+    """Pose of the object in the hand: its pose where it stood relative to the measured hand as it closed."""
     time = grasp_time(trace, recording, body)
     if not np.isfinite(time):
         return mean_pose(trace.of(recording)).inverse() @ body.pose_at_rest
     at_grasp = trace.samples.between(time - AT_GRASP, time + AT_GRASP)
-    return mean_pose(at_grasp).inverse() @ body.pose_at_rest
+    return mean_pose(at_grasp).inverse() @ standing_pose(trace, body, time)
+
+
+def standing_pose(trace: Trace, body: Body, until: float) -> Pose:
+    """Pose (world) at which the object stands at a time, s: in the scene, then as each grasp has moved it.
+
+    A grasp moves it by the commanded horizontal motion and turn about the vertical, from close to open. The support
+    decides its height and its tilt.
+    """
+    pose, targets = body.pose_at_rest, trace.samples.target_world_tcp
+    changes = [time for time in load_rows(trace, body.name).grasps if time <= until]
+    rows = np.minimum(np.searchsorted(trace.t, changes), len(trace.t) - 1)
+    # The changes alternate between closing and opening; the grasp at `until` has not opened.
+    for closed, opened in zip(targets[rows][:-1:2], targets[rows][1::2], strict=False):
+        start, end = Pose.of(closed[:3], closed[3:]), Pose.of(opened[:3], opened[3:])
+        turned = end.rotation @ start.rotation.T
+        yaw = np.arctan2(turned[1, 0] - turned[0, 1], turned[0, 0] + turned[1, 1])
+        turn = Pose.turn((0.0, 0.0, float(yaw)))
+        shift = (end.position - turn.apply(start.position)) * (1.0, 1.0, 0.0)
+        pose = turn.translate(shift) @ pose
+    return pose
 
 
 def grasp_time(trace: Trace, recording: Recording, body: Body) -> float:

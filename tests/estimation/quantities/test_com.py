@@ -94,6 +94,27 @@ def test_com_is_within_its_interval_in_laboratory_noise(bench, noises, scene):
     assert np.std(errors, axis=0).max() < 3e-3
 
 
+@pytest.mark.parametrize("shift", [0.005, 0.09])
+def test_com_of_an_object_that_is_put_down_elsewhere_and_grasped_there(bench, noises, scene, shift):
+    """Each put-down displaces the hammer by `shift` along its handle, and the next grasp is at the same spot."""
+    b = bench(noises["lab"], 0)
+    for i in range(3):
+        x, y = np.array([0.45, 0.1]) + TURN @ [i * shift, 0.0]
+        b.go(f"a{i}", (x, y, 0.15))
+        b.go(f"g{i}", (x, y, 0.03))
+        b.close("hammer", MASS, TURN @ COM)
+        b.go(f"a{i}", (x, y, 0.15))
+        b.measure()
+        x, y = np.array([0.45, 0.1]) + TURN @ [(i + 1) * shift, 0.0]
+        b.go(f"a{i + 1}", (x, y, 0.15))
+        b.go(f"g{i + 1}", (x, y, 0.03))
+        b.open()
+    estimate = estimate_com(b.trace(), PARAMETER, scene.bodies["hammer"])
+    assert [test.passed for test in estimate.tests if test.name == "grasps agree"] == [True]
+    assert estimate.values is not None
+    np.testing.assert_allclose(estimate.values[:2], COM, atol=0.002)
+
+
 def test_mass_is_taken_where_the_torque_is_least(bench, noises, scene):
     found = estimate_com(
         lift_at(bench, noises["none"], [0.0, 0.05, -0.05]), PARAMETER, scene.body("hammer")

@@ -138,12 +138,17 @@ def is_preferred(
 
 
 def releases_in_place(before: SymbolicState) -> bool:
-    """True if an object is released at its scene pose or temporary place, or the closed hand is empty."""
+    """True if an object is released at its scene pose or temporary place, or the closed hand is empty.
+
+    An object taken at its scene pose is released at the expression of its grasp. A put-down at a short offset
+    would be within the tolerance of the scene pose, and the next grasp there would hold the same spot of it.
+    """
     name = before.holding
     if before.gripper == "open" or name is None:
         return before.gripper != "open"
     angle = before.pose_of(name).angle_to(before.scene.body(name).pose_world)
-    if not is_away(before, name) and angle < TURNED:
+    is_return = before.at == before.grasp or (before.grasp or "").endswith(TEMPORARY)
+    if is_return and not is_away(before, name) and angle < TURNED:
         return True
     return before.at == f"{name}{TEMPORARY}"
 
