@@ -65,3 +65,22 @@ def test_a_frustum_is_closed() -> None:
 def test_a_crowd_is_all_unweighed(tmp_path: Path, count: int) -> None:
     scene = load_scene(crowd(tmp_path, count))
     assert scene.missing == tuple(Parameter(f"box_{i + 1}", "mass") for i in range(count))
+
+
+@pytest.mark.long
+@pytest.mark.parametrize(("number", "seed"), [(9106, 306), (9117, 317)])
+def test_the_grasps_of_a_round_object_agree_on_its_centre(
+    number: int, seed: int, tmp_path: Path
+) -> None:
+    """Its grasps are 5 mm apart, which is also the tolerance of its place."""
+    settings = replace(drawn(number).write(tmp_path), noise="lab", seed=seed)
+    run = pipeline.measure(pipeline.plan(settings, pipeline.load(settings)))
+    assert run.execution is not None
+    assert run.execution.stopped_by is None
+    centres = [one for one in run.estimates if one.parameter.quantity == "com"]
+    assert centres
+    for one in centres:
+        assert [test.passed for test in one.tests if test.name == "grasps agree"] == [True]
+        (x, y, _), intervals = run.truth[one.parameter], one.intervals
+        assert intervals[0][0] <= x <= intervals[0][1]
+        assert intervals[1][0] <= y <= intervals[1][1]
