@@ -110,6 +110,7 @@ MEANT: dict[str, str] = {
     "a plan in a box": json.dumps({"plan": PLAN}),
     "a root node": plan(tree={"type": "BehaviorTree", "children": [PLAN["tree"]]}),
     "an id for every step": put(1, {"id": 7, "type": "OpenGripper"}),
+    "a tool call": called("plan", GOOD),
 }
 """Kind to an answer that is read as a valid plan."""
 
@@ -148,7 +149,6 @@ FOUND: dict[str, tuple[str, str]] = {
     "escaped twice": (json.dumps(GOOD), "no JSON object"),
     "two trees": (GOOD.replace('"tree"', '"tree": null, "tree"'), "twice"),
     "a broken tree as text": (plan(tree=TREE[:-3]), "JSON object"),
-    "a tool call": (called("plan", GOOD), "tree"),
     "a call in text": ('plan(tree="Sequence", parameters=["cup.mass"])', "no JSON object"),
     "a function of one primitive": (
         '{"name": "MovePose", "arguments": {"pose": "cup_pose"}}',

@@ -91,7 +91,6 @@ def test_a_null_tree_is_an_answer():
     [
         ("", "not JSON"),
         ("Sure! Here is the plan", "not JSON"),
-        (b"\xff\xfe", "UTF-8"),
         ("[]", "JSON object"),
         ("null", "JSON object"),
         ('{"tree": null}', "'parameters'"),
@@ -118,7 +117,7 @@ def test_a_null_tree_is_an_answer():
         ('{"parameters": [], "tree": {"type": "\\ud800"}}', "surrogate"),
     ],
 )
-def test_a_document_that_is_no_plan_is_refused_in_one_message(text: str | bytes, names: str):
+def test_a_document_that_is_no_plan_is_refused_in_one_message(text: str, names: str):
     with pytest.raises(InputError) as refusal:
         parse_plan(text)
     assert names in str(refusal.value)
@@ -152,9 +151,9 @@ def test_size_and_number_of_nodes_are_bounded():
         parse_plan(json.dumps({"parameters": [], "tree": many}))
 
 
-@given(st.text() | st.binary() | json_values.map(json.dumps))
+@given(st.text() | json_values.map(json.dumps))
 @settings(max_examples=200, deadline=None)
-def test_any_text_is_a_plan_or_an_input_error(text: str | bytes):
+def test_any_text_is_a_plan_or_an_input_error(text: str):
     try:
         plan = parse_plan(text)
     except InputError:

@@ -30,7 +30,7 @@ SceneArgument = Annotated[
 SceneFile = Annotated[Path, typer.Argument(help="Your MJCF.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print one JSON object on stdout.")]
 PlanFile = Annotated[
-    Path, typer.Argument(metavar="PLAN", help="A plan, a chat's answer, or a run folder.")
+    Path, typer.Argument(metavar="PLAN", help="A plan (JSON, BT.CPP), an answer, or a run folder.")
 ]
 RunFolder = Annotated[Path, typer.Argument(metavar="RUN", help="A run folder.")]
 LiveView = Annotated[

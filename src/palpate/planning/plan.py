@@ -131,32 +131,25 @@ class Plan:
         return f"{self!r}\n{below}"
 
 
-def parse_plan(text: str | bytes) -> Plan:
+def parse_plan(text: str) -> Plan:
     """Parse a plan from JSON text: a plan file, a run's `plan.json`, or a model's answer.
 
     Other fields of the document (a provider's usage, findings, …) are ignored.
     Raises InputError: not JSON, too large, too deep, or not in the form of a plan; the message states the place.
     """
-    # Bound the size before the text is decoded or searched.
+    # Bound the size before the text is searched.
     if len(text) > MAX_BYTES:
         raise InputError(f"the plan is larger than {MAX_BYTES // 1000} kB; shorten it")
-    if isinstance(text, bytes):
-        try:
-            text = text.decode()
-        except UnicodeDecodeError as error:
-            raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
     text = text.removeprefix("\ufeff")
     if nesting(text) > MAX_NESTING:  # before the recursive reader
         raise InputError(f"the plan is nested deeper than {MAX_NESTING} brackets; flatten its tree")
     try:
-        document = json.loads(
-            text, object_pairs_hook=_unique, parse_constant=_finite, parse_float=_finite
-        )
+        document = unique_json(text)
     except json.JSONDecodeError as error:
         raise InputError(
             f"the plan is not JSON: {error.msg} at line {error.lineno}, column {error.colno}"
         ) from None
-    except (ValueError, RecursionError) as error:
+    except ValueError as error:
         raise InputError(f"the plan is not usable JSON: {error}") from None
     return plan_from(document)
 
@@ -254,11 +247,13 @@ def unique_json(text: str) -> object:
     """Parse JSON text without duplicate fields.
 
     Raises:
-        InputError: an object has a field twice.
+        InputError: an object has a field twice, or a number is not finite.
         ValueError: not JSON, or too deep for the reader.
     """
     try:
-        return json.loads(text, object_pairs_hook=_unique)
+        return json.loads(
+            text, object_pairs_hook=_unique, parse_constant=_finite, parse_float=_finite
+        )
     except RecursionError:
         raise ValueError("nested too deep") from None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cache, partial
@@ -11,15 +12,19 @@ from typing import TYPE_CHECKING, ClassVar, TypeGuard
 from palpate.common.errors import InputError, unknown_name
 from palpate.common.extensions import Registry, iter_entry_points
 from palpate.common.files import read_bytes
-from palpate.planning.model.provider import PROVIDERS
+from palpate.planning.model.provider import PROVIDERS, ReportedError, complete_reply
 from palpate.planning.plan import Plan, parse_plan
 from palpate.planning.planner import Planner, PlannerKind, PlannerSettings
+from palpate.primitives.registry import vocabulary
 from palpate.scene.picture_scene import DetectedScene, SceneBuilder
 
 if TYPE_CHECKING:
     from palpate.planning.model.answer import Proposal
     from palpate.planning.model.conversation import Conversation
     from palpate.scene.scene import Scene
+
+# Start of an XML document. Tags of a model's reasoning start otherwise.
+XML = re.compile(r"\s*<(\?xml\b|!(?=--|DOCTYPE)|(root|BehaviorTree|TreeNodesModel|mujoco)\b)")
 
 
 @dataclass(slots=True)
@@ -58,9 +63,8 @@ class ReplayPlanner:
         proposal = read_proposal(text)
         if scene is None and proposal.scene and self.builder:
             self.seen = self.builder.from_detections(proposal.scene, images)
-        if proposal.plan.planner:
-            return proposal.plan
-        return replace(proposal.plan, planner="replay")
+        plan = complete_parameters(proposal, scene)
+        return plan if plan.planner else replace(plan, planner="replay")
 
     def _from_conversation(
         self, request: str | None, scene: Scene | None, images: Sequence[Path]
@@ -91,24 +95,56 @@ def load_proposal(path: Path) -> Proposal:
 
 
 def read_proposal(text: bytes) -> Proposal:
-    """Read a plan from a file's content: JSON alone, or embedded in prose; an `InputError` without a plan."""
-    from palpate.planning.model.answer import read_answer
+    """Read a plan from a file's content: JSON alone or in prose, or BT.CPP XML.
 
-    if text.lstrip(b"\xef\xbb\xbf \t\r\n").startswith(b"<") and b"BTCPP_format" in text[:10_000]:
-        raise InputError(
-            "this is a behavior tree of BT.CPP (XML), which palpate writes but does not read; give the "
-            "plan.json beside it, or the folder of the run"
-        )
+    Raises InputError: there is no plan, or it is not in the form of one.
+    """
+    from palpate.planning.model.answer import proposal_from, read_answer, reply_text
+
+    # A provider's API may have answered with a stream, or with an error.
     try:
-        return read_answer(text.decode("utf-8-sig"))
-    except UnicodeDecodeError:
-        parse_plan(text)  # raises with the invalid byte
-        raise
+        decoded = (text if b'"tree"' in text else complete_reply(text)).decode("utf-8-sig")
+    except ReportedError as error:
+        raise InputError(f"the file has no plan, but a server's error: {error}") from None
+    except UnicodeDecodeError as error:
+        raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
+    if XML.match(decoded):
+        from palpate.planning.btcpp import read_tree_xml
+
+        document = read_tree_xml(decoded.lstrip(), vocabulary())
+        proposal = proposal_from({"parameters": [], **document})
+        return replace(proposal, bare="parameters" not in document)
+    try:
+        return read_answer(decoded)
     except InputError:
-        whole = text.lstrip().startswith((b"{", b"[")) and b'"nodes"' not in text
-        if b"{" not in text or whole:
-            parse_plan(text)  # without prose, its error is clearer
+        whole = decoded.lstrip().startswith(("{", "[")) and '"nodes"' not in decoded
+        if "{" not in decoded or (whole and reply_text(decoded) == decoded):
+            parse_plan(decoded)  # without prose, its error is clearer
         raise
+
+
+def complete_parameters(proposal: Proposal, scene: Scene | None) -> Plan:
+    """Return the plan of a proposal; a bare tree gets the parameters that it measures in `scene`.
+
+    Raises InputError: a bare tree measures nothing that the scene lacks, and has no other fault.
+    """
+    if not proposal.bare or scene is None:
+        return proposal.plan
+    from palpate.planning.check.finding import CheckedPlan
+    from palpate.planning.check.walk import Walk, has_measurement
+
+    # Conversions name their parameters. A derived quantity needs complete recordings.
+    walk = Walk.over(CheckedPlan(proposal.plan, vocabulary(), scene))
+    derived = (p for p in scene.missing if has_measurement(p, walk.state))
+    measured = tuple(dict.fromkeys((*(p for _, p in walk.conversions()), *derived)))
+    if not (measured or walk.findings or walk.unread):
+        raise InputError(
+            'the tree measures nothing that the scene lacks; to state its parameters, add <SubTree ID="TREE">'
+            """<MetadataFields><Metadata plan='{"parameters": ["OBJECT.QUANTITY"]}'/></MetadataFields></SubTree> """
+            "to <TreeNodesModel>"
+        )
+    note = f"the parameters follow from the tree: {', '.join(map(str, measured))}"
+    return replace(proposal.plan, parameters=measured, notes=(note,))
 
 
 def plan_file(path: Path) -> Path:
@@ -118,7 +154,7 @@ def plan_file(path: Path) -> Path:
     if path.is_dir():
         found, lacking = path / "plan.json", f"the folder '{path}' has no plan.json"
     if not found.exists():
-        raise InputError(f"{lacking}; give a plan (JSON) or the folder of a run")
+        raise InputError(f"{lacking}; give a plan (JSON or XML) or the folder of a run")
     return found
 
 

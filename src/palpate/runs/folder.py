@@ -196,7 +196,7 @@ def write_plan(run: Run, folder: Path) -> None:
     if run.conversation is not None:
         write_text(folder / "conversation.json", run.conversation.dump())
     if run.ready and run.plan.tree is not None:
-        from palpate.execution.btcpp import tree_xml
+        from palpate.planning.btcpp import tree_xml
 
         write_text(folder / "tree.xml", tree_xml(run.plan, vocabulary()))
     if run.rehearsal is not None:

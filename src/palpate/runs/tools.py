@@ -11,17 +11,17 @@ from pathlib import Path
 
 from palpate.common.errors import InputError, Unavailable
 from palpate.common.files import read_text, write_new, writing, yaml_text
-from palpate.execution.btcpp import tree_nodes_model as tree_nodes_model
 from palpate.execution.cell import GuidedHand, Lesson
 from palpate.execution.cell_drivers import drivers
 from palpate.perception.renderer import gl_available as gl_available
+from palpate.planning.btcpp import tree_nodes_model as tree_nodes_model
 from palpate.planning.check.check import check
 from palpate.planning.check.finding import Finding
 from palpate.planning.model.prompt import Prompt, compose
 from palpate.planning.model.provider import PROVIDERS
 from palpate.planning.plan import Node
 from palpate.planning.planner import in_words, named_parameters
-from palpate.planning.registry import load_proposal, planners
+from palpate.planning.registry import complete_parameters, load_proposal, planners
 from palpate.planning.registry import plan_file as plan_file
 from palpate.primitives.registry import COMPOSITES
 from palpate.primitives.registry import plan_schema as plan_schema
@@ -142,7 +142,7 @@ def check_file(plan: Path, asked: Settings) -> tuple[Finding, ...]:
     elif asked.poses is not None and proposal.scene:
         builder = SceneBuilder(read_poses(asked.poses), arm)
         known = DetectedScene(builder, proposal.scene).scene()
-    return check(proposal.plan, known)
+    return check(complete_parameters(proposal, known), known)
 
 
 def prompt(settings: Settings) -> Prompt:

@@ -162,23 +162,76 @@ def test_detected_objects_of_another_form_are_refused(seen: object) -> None:
         read_answer(json.dumps(PLAN | {"scene": seen}))
 
 
+OWN = {"role": "assistant", "content": TEXT}
+CALL = {"id": "1", "type": "function", "function": {"name": "plan", "arguments": TEXT}}
+
+
+def completion(message: object, finish: str = "stop") -> dict[str, object]:
+    """Chat completion of OpenAI's API."""
+    choice = {"index": 0, "message": message, "logprobs": None, "finish_reason": finish}
+    return {"id": "x", "object": "chat.completion", "choices": [choice], "usage": {}}
+
+
 @pytest.mark.parametrize(
     "reply",
     [
-        {"id": "x", "choices": [{"message": {"role": "assistant", "content": TEXT}}]},
-        {"model": "m", "message": {"role": "assistant", "content": TEXT}, "done": True},
+        completion(OWN | {"refusal": None}),
+        completion(OWN | {"reasoning_content": DRAFT}),
+        completion(OWN | {"content": [{"type": "text", "text": f"Here:\n{TEXT}"}]}),
+        completion({"role": "assistant", "content": None, "tool_calls": [CALL]}, "tool_calls"),
+        {"model": "m", "message": OWN, "done": True},
+        {"model": "m", "response": TEXT, "done": True},
         {"type": "message", "content": [{"type": "text", "text": TEXT}]},
-        {"candidates": [{"content": {"parts": [{"text": TEXT}]}}]},
+        {
+            "type": "message",
+            "content": [
+                {"type": "thinking", "thinking": DRAFT},
+                {"type": "text", "text": TEXT},
+                {"type": "text", "text": "That is all."},
+            ],
+        },
+        {"content": [{"type": "tool_use", "id": "1", "name": "plan", "input": PLAN}]},
+        {
+            "object": "response",
+            "output": [
+                {"type": "reasoning", "summary": [{"type": "summary_text", "text": DRAFT}]},
+                {"type": "message", "content": [{"type": "output_text", "text": TEXT}]},
+            ],
+        },
+        {
+            "candidates": [
+                {"content": {"parts": [{"text": DRAFT, "thought": True}, {"text": TEXT}]}}
+            ]
+        },
+        [{"candidates": [{"content": {"parts": [{"text": TEXT}]}}]}],
+        {"messages": [{"role": "user", "content": "weigh"}, OWN]},
+        [{"role": "system", "content": DRAFT}, {"role": "user", "content": DRAFT}, OWN],
     ],
 )
 def test_a_saved_reply_of_an_api_is_read(reply: object) -> None:
     assert read_answer(json.dumps(reply)).plan == read_answer(TEXT).plan
+    assert read_proposal(json.dumps(reply, indent=2).encode()).plan == read_answer(TEXT).plan
+
+
+@pytest.mark.parametrize(
+    ("reply", "said"),
+    [
+        (completion(OWN | {"content": TEXT[:90]}, "length"), "breaks off"),
+        (completion(OWN | {"content": f"{DRAFT} Better: {TEXT[:90]}"}, "length"), "breaks off"),
+        (completion(OWN | {"content": "", "reasoning_content": DRAFT}), "reasoning alone"),
+        (completion(OWN | {"content": None, "refusal": "I cannot."}), "no JSON object"),
+        ([{"role": "user", "content": DRAFT}], "must be a JSON object, not a list"),
+        ({"type": ["text"], "role": {}, "content": "x"}, "no JSON object"),
+    ],
+)
+def test_a_saved_reply_without_a_plan_is_refused(reply: object, said: str) -> None:
+    with pytest.raises(InputError, match=said):
+        read_proposal(json.dumps(reply).encode())
 
 
 def test_an_escape_of_markdown_is_read() -> None:
-    assert read_answer(TEXT.replace("cup_pose", r"cup\_pose")).plan == read_answer(TEXT).plan
-
-
-def test_a_behavior_tree_in_xml_is_not_taken_for_a_plan() -> None:
-    with pytest.raises(InputError, match="give the plan\\.json beside it"):
-        read_proposal(b'<?xml version="1.0"?>\n<root BTCPP_format="4"><BehaviorTree/></root>')
+    escaped = TEXT.replace("cup_pose", r"cup\_pose")
+    assert read_answer(escaped).plan == read_answer(TEXT).plan
+    assert read_proposal(escaped.encode()).plan == read_answer(TEXT).plan
+    reply = completion(OWN | {"content": escaped})
+    assert read_proposal(json.dumps(reply).encode()).plan == read_answer(TEXT).plan

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import json
 import re
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import islice
 from typing import Any, cast
@@ -74,6 +74,7 @@ class Proposal:
 
     plan: Plan
     scene: tuple[SceneObject, ...] = ()
+    bare: bool = False  # only a tree, without parameters
 
 
 def read_answer(text: str) -> Proposal:
@@ -100,39 +101,49 @@ def read_answer(text: str) -> Proposal:
     if nesting(source) > MAX_NESTING:
         raise InputError(TOO_DEEP)
     unique_json(source)
+    return proposal_from(written)
+
+
+def proposal_from(written: Mapping[str, Any]) -> Proposal:
+    """Return the proposal in the JSON document of an answer. Raises InputError: not in the form of a plan."""
     document = normalize_plan(written)
     plan = nest_tree(document) if "nodes" in document else document
     return Proposal(parse_plan(json.dumps(plan)), scene_objects(document.get("scene") or []))
 
 
-# Places of the text in replies of providers: OpenAI, Ollama, Anthropic, Google.
-_REPLY_PATHS = (
-    ("choices", 0, "message", "content"),
-    ("message", "content"),
-    ("content", -1, "text"),
-    ("candidates", 0, "content", "parts", -1, "text"),
-)
+# Fields with a model's text in replies of providers, among them the arguments of a tool call.
+_TEXTS = ("content", "text", "response", "arguments", "refusal")
+# Values of `role`, `type` and `thought` of other texts: messages of others, and reasoning.
+_OTHERS = ("user", "system", "developer", "tool", "reasoning", "thinking", True)
 
 
 def reply_text(text: str) -> str:
-    """Return the model's text in a saved reply of a provider's API; other texts as they are."""
+    """Return the model's text in a saved reply or dialogue of a provider's API; other texts as they are."""
     alone = text.strip("\ufeff \t\r\n")
-    if not alone.startswith("{") or nesting(alone) > MAX_NESTING:
+    if not alone.startswith(("{", "[")) or nesting(alone) > MAX_NESTING:
         return text
-    document, end, _ = decode_json(alone, 0)
-    if document is None or end != len(alone) or is_plan(unwrap_plan(document)):
+    try:
+        document = unique_json(alone)
+    except ValueError:
         return text
-    for path in _REPLY_PATHS:
-        value: Any = document
-        for key in path:
-            try:
-                value = value[key]
-            except (KeyError, IndexError, TypeError):
-                break
-        else:
-            if isinstance(value, str):
-                return value
-    return text
+    texts = [] if is_plan(unwrap_plan(document)) else list(reply_texts(document))
+    return "\n".join(texts) if texts else text
+
+
+def reply_texts(value: object, key: str = "") -> Iterator[str]:
+    """Yield the texts and plans of the model in a reply, without its reasoning; `key` is the field's name."""
+    if isinstance(value, str) and key in _TEXTS:
+        yield value
+    elif isinstance(value, list):
+        for item in cast("list[object]", value):
+            yield from reply_texts(item)
+    elif is_plan(value):
+        yield json.dumps(value)
+    elif isinstance(value, dict):
+        fields = cast("dict[str, object]", value)
+        if not any(fields.get(kind) in _OTHERS for kind in ("role", "type", "thought")):
+            for name, inner in fields.items():
+                yield from reply_texts(inner, name)
 
 
 def without_reasoning(text: str) -> str:

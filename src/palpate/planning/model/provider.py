@@ -265,7 +265,7 @@ def complete_reply(body: bytes) -> bytes:
     """
     try:
         document = _join_events(body) if body.lstrip().startswith(b"data:") else json.loads(body)
-    except (ValueError, RecursionError):
+    except (ValueError, RecursionError, TypeError, AttributeError):
         return body
     if not isinstance(document, dict):
         return body
