@@ -57,7 +57,9 @@ def test_more_than_a_hundred_answers_are_tried() -> None:
     assert len(FOUND) + len(MEANT) > 150
 
 
-@pytest.mark.parametrize("kind", ["a key for a type", "a refusal", "huge joints", "a tool call"])
+@pytest.mark.parametrize(
+    "kind", ["a key for a type", "a refusal", "huge joints", "a function of one primitive"]
+)
 def test_an_unreadable_answer_costs_one_round_of_feedback_and_no_key_is_kept(
     kind: str, scene: Scene, caplog: pytest.LogCaptureFixture
 ) -> None:
