@@ -99,6 +99,7 @@ def read_proposal(text: bytes) -> Proposal:
 
     Raises InputError: there is no plan, or it is not in the form of one.
     """
+    from palpate.planning.btcpp import read_tree_xml
     from palpate.planning.model.answer import proposal_from, read_answer, reply_text
 
     # A provider's API may have answered with a stream, or with an error.
@@ -109,8 +110,6 @@ def read_proposal(text: bytes) -> Proposal:
     except UnicodeDecodeError as error:
         raise InputError(f"the plan is not UTF-8 text (byte {error.start})") from None
     if XML.match(decoded):
-        from palpate.planning.btcpp import read_tree_xml
-
         document = read_tree_xml(decoded.lstrip(), vocabulary())
         proposal = proposal_from({"parameters": [], **document})
         return replace(proposal, bare="parameters" not in document)
@@ -124,10 +123,7 @@ def read_proposal(text: bytes) -> Proposal:
 
 
 def complete_parameters(proposal: Proposal, scene: Scene | None) -> Plan:
-    """Return the plan of a proposal; a bare tree gets the parameters that it measures in `scene`.
-
-    Raises InputError: a bare tree measures nothing that the scene lacks, and has no other fault.
-    """
+    """Return the plan; a bare tree gets the parameters that it measures in `scene`, or an `InputError`."""
     if not proposal.bare or scene is None:
         return proposal.plan
     from palpate.planning.check.finding import CheckedPlan
