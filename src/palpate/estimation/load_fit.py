@@ -219,7 +219,7 @@ LoadModel = tuple[list[Cause], SignalNoise, Array, list[PriorScale]]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FittedLoad:
-    """One load over n grasps: its weight, and k numbers of its lever in each grasp."""
+    """Load over n grasps: its weight, and k numbers of its lever in each grasp."""
 
     grasps: tuple[float, ...]  # s, times at which the hand had closed on it
     value: Array  # (1 + k n,) weight F in N, then the levers in N m
