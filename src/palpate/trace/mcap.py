@@ -13,17 +13,14 @@ conversions that ended since the last block. A truncated file is read up to its 
 from __future__ import annotations
 
 import io
-import struct
-import zlib
 from collections import defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import IO, TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
 from palpate.common.errors import InputError
 from palpate.common.files import open_with_limit
@@ -32,10 +29,10 @@ from palpate.common.version import __version__
 from palpate.trace import topics
 from palpate.trace.recording import Conversion, LeafRun, NominalHand, Recording
 from palpate.trace.samples import COLUMNS, Samples, Trace
-from palpate.trace.topics import definition, nanosecond, samples_of
+from palpate.trace.topics import definition, messages, nanosecond, samples_of
 
 if TYPE_CHECKING:
-    from mcap.records import Channel, Chunk, ChunkIndex, McapRecord, Message, Schema
+    from mcap.records import Channel, Chunk, McapRecord, Message, Schema
     from pydantic import ConfigDict, TypeAdapter
 
 
@@ -44,9 +41,6 @@ PROFILE = "palpate-stream"  # Profile in the file header of an unfinished run
 BLOCKS, EVENTS = "/palpate/samples", "/palpate/events"
 # s of robot time between two blocks: the largest loss when the process is killed.
 BLOCK_SECONDS = 0.25
-CHUNK_BYTES, BLOCK_ROWS = 1 << 20, 256  # Size of a written chunk; samples that are encoded at once
-# Beginning of a message record; times in ns.
-MESSAGE_HEAD = np.dtype([("constant", "V15"), ("log_time", "<u8"), ("publish_time", "<u8")])
 MAX_BYTES = 1 << 30  # Largest size of a file that is read; an hour of samples has a tenth of it
 MAX_RECORD = 64 << 20  # Bytes of one record in the file
 MAX_CHUNK = 8 << 20  # Bytes of one unpacked chunk; palpate's chunks have 1 MiB
@@ -82,235 +76,28 @@ def dump_record(record: TraceRecord) -> str:
 
 
 def write_mcap(path: Path, trace: Trace, shown: Sequence[topics.Message] = ()) -> None:
-    """Write `trace` to `path`, in zstd-compressed chunks, with the additional messages `shown`.
+    """Write `trace` to `path`, in zstd-compressed chunks, with the additional messages `shown`."""
+    from mcap.writer import Writer
 
-    Messages are in order of time. At equal times `shown` comes first, then samples, then events.
-    """
-    times = topics.nanoseconds(trace.samples.t)
-    order = np.argsort(times, kind="stable")
-    times, samples = times[order], trace.samples.where(order)
-    # Single messages, each with the sample before which it stands.
-    placed: list[tuple[int, topics.Message]] = []
-    for single, shift in ((shown, 0), (topics.events(trace), 1)):
-        places = np.searchsorted(times, np.array([one.time + shift for one in single], np.int64))
-        placed += zip(places.tolist(), single, strict=True)
-    placed.sort(key=lambda each: each[1].time)
     record = TraceRecord(
         trace.leaves, trace.recordings, trace.conversions, trace.hand, trace.gravity
     )
+    schemas: dict[str, int] = {}
+    channels: dict[str, int] = {}
     with path.open("wb") as file:
         # The metadata record is in no chunk, so that only the checksum of all data covers it.
-        writer = ChunkWriter(file)
+        writer = Writer(file, enable_data_crcs=True)
+        writer.start(profile="ros2", library=f"palpate {__version__}")
         writer.add_metadata(METADATA, {"version": __version__, "trace": dump_record(record)})
-        for first in range(0, len(times) + 1, BLOCK_ROWS):
-            rows = slice(first, first + BLOCK_ROWS)
-            block = topics.encode_samples(samples.where(rows), trace.hand)
-            single = [
-                (place - first, one) for place, one in placed if 0 <= place - first < BLOCK_ROWS
-            ]
-            writer.add_block(times[rows], block, single)
+        for time, topic, datatype, data in messages(trace, shown):
+            # MCAP wants datatype and topic declared before the first message.
+            if datatype not in schemas:
+                name, text = datatype.replace("/", "/msg/"), definition(datatype).encode()
+                schemas[datatype] = writer.register_schema(name, "ros2msg", text)
+            if topic not in channels:
+                channels[topic] = writer.register_channel(topic, "cdr", schemas[datatype])
+            writer.add_message(channels[topic], time, data, publish_time=time)
         writer.finish()
-
-
-class ChunkWriter:
-    """Writer of a chunked MCAP file that takes messages in blocks.
-
-    The library's `Writer` takes them one by one, and needs 20 times the time. The records are the library's;
-    only those of messages and of their index are made here, as numpy arrays.
-    """
-
-    def __init__(self, file: IO[bytes]) -> None:
-        from mcap.records import Header
-        from mcap.writer import MCAP0_MAGIC
-
-        self._file, self._crc = file, 0
-        self._schemas: dict[str, Schema] = {}
-        self._channels: dict[str, Channel] = {}
-        self._chunks: list[ChunkIndex] = []
-        self._metadata: list[McapRecord] = []
-        # Content of the chunk in progress, its size, and by channel the times and offsets (n, 2) of messages.
-        self._parts: list[bytes] = []
-        self._size = 0
-        self._index: defaultdict[int, list[NDArray[np.uint64]]] = defaultdict(list)
-        self._counts: defaultdict[int, int] = defaultdict(int)  # messages by channel
-        self._put(MCAP0_MAGIC)
-        self._put(encode_record(Header(profile="ros2", library=f"palpate {__version__}")))
-
-    def add_metadata(self, name: str, content: dict[str, str]) -> None:
-        """Write a metadata record."""
-        from mcap.records import Metadata, MetadataIndex
-
-        data = encode_record(Metadata(metadata=content, name=name))
-        self._metadata.append(MetadataIndex(offset=self._put(data), length=len(data), name=name))
-
-    def add_block(
-        self,
-        times: NDArray[np.int64],
-        block: Mapping[str, tuple[str, NDArray[np.void]]],
-        single: Sequence[tuple[int, topics.Message]],
-    ) -> None:
-        """Add a row of messages at each of `times` (n,), ns, and single messages, each before the row of its number.
-
-        `block` has the datatype and the n messages of each topic.
-        """
-        # Declare the channels before the first message.
-        ids = [self._channel(topic, datatype) for topic, (datatype, _) in block.items()]
-        others = [self._channel(message.topic, message.datatype) for _, message in single]
-        # Lay the records of all topics side by side, a row per time.
-        kinds = [np.dtype([("head", MESSAGE_HEAD), ("data", m.dtype)]) for _, m in block.values()]
-        rows = np.empty(len(times), [(str(i), kind) for i, kind in zip(ids, kinds, strict=True)])
-        for i, (_, messages) in zip(ids, block.values(), strict=True):
-            rows[str(i)]["data"] = messages
-            head = rows[str(i)]["head"]
-            fields = _message_head(messages.itemsize, i), times, times
-            head["constant"], head["log_time"], head["publish_time"] = fields
-        # Write the rows, and the single messages between them; each moves the rows behind it.
-        offsets = self._size + rows.itemsize * np.arange(len(times))
-        content, written = rows.tobytes(), 0
-        for i, (row, message) in zip(others, single, strict=True):
-            self._add(content[written : row * rows.itemsize])
-            written = row * rows.itemsize
-            self._index[i].append(np.array([[message.time, self._size]], "<u8"))
-            time = message.time.to_bytes(8, "little")
-            record = _message_head(len(message.data), i) + time + time + message.data
-            offsets[row:] += len(record)
-            self._add(record)
-        self._add(content[written:])
-        for i, kind in zip(ids, kinds, strict=True):
-            self._index[i].append(np.column_stack([times, offsets]).astype("<u8"))
-            offsets += kind.itemsize
-        if self._size > CHUNK_BYTES:
-            self._end_chunk()
-
-    def finish(self) -> None:
-        """Write the last chunk, the summary and the end of the file."""
-        from mcap.opcode import Opcode
-        from mcap.records import DataEnd, Footer, Statistics, SummaryOffset
-        from mcap.writer import MCAP0_MAGIC
-
-        self._end_chunk()
-        self._put(encode_record(DataEnd(self._crc)))
-        statistics = Statistics(
-            attachment_count=0,
-            channel_count=len(self._channels),
-            channel_message_counts=self._counts,
-            chunk_count=len(self._chunks),
-            message_count=sum(self._counts.values()),
-            message_end_time=max((chunk.message_end_time for chunk in self._chunks), default=0),
-            message_start_time=min((chunk.message_start_time for chunk in self._chunks), default=0),
-            metadata_count=len(self._metadata),
-            schema_count=len(self._schemas),
-        )
-        # The summary repeats schemas and channels, and tells where each group of records begins.
-        groups: dict[Opcode, Iterable[McapRecord]] = {
-            Opcode.SCHEMA: self._schemas.values(),
-            Opcode.CHANNEL: self._channels.values(),
-            Opcode.STATISTICS: [statistics],
-            Opcode.CHUNK_INDEX: self._chunks,
-            Opcode.METADATA_INDEX: self._metadata,
-        }
-        summary = self._file.tell()
-        self._crc = 0
-        offsets: list[bytes] = []
-        for opcode, group in groups.items():
-            data = b"".join(map(encode_record, group))
-            start = self._put(data)
-            offset = SummaryOffset(group_opcode=opcode, group_start=start, group_length=len(data))
-            offsets.append(encode_record(offset))
-        # The checksum of the summary covers the footer up to the checksum.
-        there = self._put(b"".join(offsets))
-        open_footer = encode_record(
-            Footer(summary_crc=0, summary_offset_start=there, summary_start=summary)
-        )
-        crc = zlib.crc32(open_footer[:-4], self._crc)
-        self._put(open_footer[:-4] + crc.to_bytes(4, "little") + MCAP0_MAGIC)
-
-    def _channel(self, topic: str, datatype: str) -> int:
-        """Return the channel of a topic, declared before its first message."""
-        from mcap.records import Channel, Schema
-
-        if datatype not in self._schemas:
-            name, text = datatype.replace("/", "/msg/"), definition(datatype).encode()
-            schema = Schema(data=text, encoding="ros2msg", id=len(self._schemas) + 1, name=name)
-            self._schemas[datatype] = schema
-            self._add(encode_record(schema))
-        if topic not in self._channels:
-            number, schema = len(self._channels) + 1, self._schemas[datatype].id
-            channel = Channel(
-                id=number, message_encoding="cdr", metadata={}, schema_id=schema, topic=topic
-            )
-            self._channels[topic] = channel
-            self._add(encode_record(channel))
-        return self._channels[topic].id
-
-    def _end_chunk(self) -> None:
-        """Write the chunk in progress, compressed, and the index of its messages by channel."""
-        import zstandard
-        from mcap.records import Chunk, ChunkIndex
-
-        content = b"".join(self._parts)
-        entries = {i: np.concatenate(found) for i, found in self._index.items()}
-        times = np.concatenate([np.empty(0, "<u8"), *(found[:, 0] for found in entries.values())])
-        if not len(times):
-            return
-        first, last = int(times.min()), int(times.max())
-        packed = zstandard.compress(content)
-        record = encode_record(
-            Chunk(
-                compression="zstd",
-                data=packed,
-                message_end_time=last,
-                message_start_time=first,
-                uncompressed_crc=zlib.crc32(content),
-                uncompressed_size=len(content),
-            )
-        )
-        start, offsets = self._put(record), dict[int, int]()
-        for i, found in entries.items():
-            # A record of the index: opcode 7, length, channel, bytes of the entries, entries.
-            head = struct.pack("<BQHI", 7, 6 + found.nbytes, i, found.nbytes)
-            offsets[i] = self._put(head + found.tobytes())
-            self._counts[i] += len(found)
-        self._chunks.append(
-            ChunkIndex(
-                chunk_length=len(record),
-                chunk_start_offset=start,
-                compression="zstd",
-                compressed_size=len(packed),
-                message_end_time=last,
-                message_index_length=self._file.tell() - start - len(record),
-                message_index_offsets=offsets,
-                message_start_time=first,
-                uncompressed_size=len(content),
-            )
-        )
-        self._parts, self._size = [], 0
-        self._index.clear()
-
-    def _add(self, data: bytes) -> None:
-        self._parts.append(data)
-        self._size += len(data)
-
-    def _put(self, data: bytes) -> int:
-        """Append to the file; return the offset of the data in it."""
-        start = self._file.tell()
-        self._crc = zlib.crc32(data, self._crc)
-        self._file.write(data)
-        return start
-
-
-def _message_head(size: int, channel: int) -> bytes:
-    """Constant beginning of a message record with `size` bytes of data: opcode 5, length, channel, sequence 0."""
-    return struct.pack("<BQHI", 5, size + 22, channel, 0)
-
-
-def encode_record(record: McapRecord) -> bytes:
-    """Encode a record of the file."""
-    from mcap.data_stream import RecordBuilder
-
-    builder = RecordBuilder()
-    record.write(builder)
-    return builder.end()
 
 
 def read_mcap(path: Path) -> Trace:

@@ -84,8 +84,8 @@ class Samples:
     def __len__(self) -> int:
         return len(self.t)
 
-    def where(self, rows: NDArray[np.bool_ | np.intp] | slice) -> Samples:
-        """Select rows by mask, indices or slice."""
+    def where(self, rows: NDArray[np.bool_] | slice) -> Samples:
+        """Select rows by mask or slice."""
         return Samples(*(getattr(self, field.name)[rows] for field in fields(self)))
 
     def between(self, start: float, end: float) -> Samples:

@@ -121,16 +121,12 @@ class Layout:
         return self.uint32(0)
 
     def encode(self, signals: Mapping[str, NDArray[Any]], n: int) -> list[bytes]:
-        """Encode `n` messages like `encode_rows`."""
-        return self.encode_rows(signals, n).tolist()
-
-    def encode_rows(self, signals: Mapping[str, NDArray[Any]], n: int) -> NDArray[np.void]:
-        """Encode `n` messages (n,) from arrays (n, count) by field name; a name may occur several times."""
+        """Encode `n` messages from arrays (n, count) by field name; a name may occur several times."""
         # n copies of the constant bytes, viewed as records whose fields are then filled.
         rows = np.frombuffer(bytearray(self.constant * n), self._dtype())
         for place, field in enumerate(self.fields):
             rows[str(place)] = signals[field.name]
-        return rows.view(f"V{len(self.constant)}")
+        return rows.view(f"V{len(self.constant)}").tolist()
 
     def decode(self, messages: Sequence[bytes]) -> dict[str, NDArray[Any]]:
         """Decode the fields of n `messages`, by name, (n, count) each.
@@ -223,16 +219,21 @@ def topics(hand: NominalHand) -> dict[str, tuple[str, Layout]]:
     return found
 
 
-def encode_samples(samples: Samples, hand: NominalHand) -> dict[str, tuple[str, NDArray[np.void]]]:
-    """Encode samples: datatype and messages (n,) of each topic with one message per sample."""
-    signals = signals_of(samples)
-    if hand.wrench_sensor is not None:
-        place = np.array([hand.wrench_sensor.pose_tcp_sensor])
+def messages(trace: Trace, shown: Sequence[Message] = ()) -> list[Message]:
+    """Convert a trace to messages in order of time; at equal times `shown` comes first, then samples, then
+    events.
+    """
+    # One message per sample and topic, then the events.
+    everything = [*shown]
+    signals, times = signals_of(trace.samples), nanoseconds(trace.samples.t).tolist()
+    if trace.hand.wrench_sensor is not None:
+        place = np.array([trace.hand.wrench_sensor.pose_tcp_sensor])
         signals |= {"sensor_position": place[:, :3], "sensor_orientation": xyzw(place)}
-    return {
-        name: (datatype, layout.encode_rows(signals, len(samples)))
-        for name, (datatype, layout) in topics(hand).items()
-    }
+    for name, (datatype, layout) in topics(trace.hand).items():
+        for time, data in zip(times, layout.encode(signals, len(times)), strict=True):
+            everything.append(Message(time, name, datatype, data))
+    # Python's sort is stable: it keeps this order at equal times.
+    return sorted([*everything, *events(trace)], key=lambda message: message.time)
 
 
 def samples_of(messages: Mapping[str, Sequence[bytes]], hand: NominalHand) -> Samples:
