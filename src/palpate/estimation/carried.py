@@ -80,7 +80,7 @@ from palpate.trace.recording import ArmLog, Recording
 from palpate.trace.samples import Trace
 
 HAND_PRIOR = repeat_prior(3.0, 0.5, 0.05)
-"""As `BODY_PRIOR`, for an unknown end effector. Not sensitive."""
+"""Priors like `BODY_PRIOR`, of an unknown end effector. Not sensitive."""
 RESTARTED = 5.0
 """s: gap between rows after which the recording may have been restarted, with new sensor zeros. Not sensitive."""
 LIKELY_RESTART = (0.7, 0.3)

@@ -51,7 +51,7 @@ MOMENT_LEVER = 0.3
 APPARENT_NOISE = 0.1
 """Size to which the residual of a first fit is scaled, as the residual's search begins near it. Not sensitive."""
 FINEST = 3e-4
-"""N, N m: least misfit and white noise that are told from zero, below those of any sensor. Not sensitive."""
+"""N, N m: least misfit and white noise, below those of any sensor: less makes the equations singular. Not sensitive."""
 ITERATIONS = 2
 """Solutions before the last: causes in proportion to the load need its value. Not sensitive."""
 RESTART = 5.0

@@ -39,9 +39,8 @@ SIZE_TOLERANCE = 0.02  # Largest difference of an object's extents in scene and 
 BASE_TOLERANCE = 0.05
 # Least dot product of the base's quaternions in world and scene, cos(5°/2): a rotation of 5°.
 TURNED = float(np.cos(np.radians(2.5)))
-OVERLAPS = (
-    0.002  # m, least depth of a shape of the world in the arm: less is the accuracy of shapes
-)
+# m, least depth of a shape of the world in the arm: less is the accuracy of shapes.
+OVERLAPS = 0.002
 NEAR = 0.10  # Largest horizontal distance of an object in the world from its place in a picture, m
 # Description of a cell whose truth is drawn from priors.
 DRAWN = "simulated from the scene, its unknowns drawn from priors"

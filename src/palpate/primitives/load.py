@@ -26,7 +26,7 @@ TURNED = 0.15  # N m in addition, since the pads are compliant
 # N, largest weight that cannot be distinguished from zero. Franka states a relative accuracy of 0.8
 # N, and joints stick.
 UNFELT = 1.5
-# m, distance of the hand from where it grasped up to which an object that was never lifted is where it stood
+# m, largest distance of the hand from its grasp pose at which an object that was never lifted is still in place
 AT_GRASP = 0.003
 # Largest plausible friction between an object and its support: rubber on dry concrete.
 ROUGHEST = 1.0

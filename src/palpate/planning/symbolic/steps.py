@@ -85,7 +85,7 @@ class Step:
             after = self.effect(state)
         except InputError:
             return None
-        preferred = (is_preferred(o, state, after, recorded=bool(sensing)) for o in moving)
+        preferred = (is_preferred(part, state, after, recorded=bool(sensing)) for part in moving)
         return after if all(preferred) else None
 
     def node(self) -> Node:

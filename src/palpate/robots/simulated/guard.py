@@ -77,7 +77,7 @@ class Guard:
     0.04 rad in that time.
     """
 
-    def __init__(self, joints: int = 7) -> None:
+    def __init__(self, joints: int) -> None:
         self._torque: Array = np.zeros(joints)
         self._dq: Array = np.zeros(joints)
         self._start: Array = np.zeros(joints)

@@ -44,10 +44,9 @@ FRAME_PERIOD = 1.0 / 30.0  # s between camera frames
 ASLEEP = 1e-4
 PHYSICS = mujoco.mjtState.mjSTATE_FULLPHYSICS
 MOTOR, PUSH, TOUCHING = PREFIX + "motor{}", PREFIX + "push", PREFIX + "touching"  # names of sensors
-HAND_FORCE, WRENCH = (
-    3,
-    6,
-)  # values of the hand's force, and of a six-axis sensor, which follow the motors' torques
+# Values of the hand's force, and of a six-axis sensor, which follow the motors' torques.
+HAND_FORCE, WRENCH = 3, 6
+RUNAWAY = 100.0  # m/s, sideways or upwards: nothing on a table is as fast
 NET_FORCE = 3  # MuJoCo's reduction of several contacts to their net force
 
 
@@ -63,9 +62,6 @@ class Steps(NamedTuple):
     fingers: Array  # (n, 2) m at the end of each block
     finger_speed: Array  # (n, 2) m/s at the end of each block
     step: float  # s, a step of the physics
-
-
-RUNAWAY = 100.0  # m/s, sideways or upwards: nothing on a table is as fast
 
 
 class World:
@@ -164,16 +160,7 @@ class World:
                 f"the simulated world became unstable before {self.t:.2f} s of robot time: "
                 "check its masses, sizes and contact parameters"
             )
-        # An object that falls from the table may be fast downwards, and nothing else is so fast.
-        speeds = self._data.qvel[self._free]
-        speeds[:, 2] = speeds[:, 2].clip(min=0.0)
-        fastest: list[float] = np.linalg.norm(speeds, axis=1).tolist()
-        if max(fastest, default=0.0) > RUNAWAY:
-            body = self.model.body(self._free_bodies[fastest.index(max(fastest))]).name
-            raise ExecutionAborted(
-                f"the simulated world became unstable at {self.t:.2f} s of robot time: '{body}' is faster than "
-                f"{RUNAWAY:g} m/s; check masses, sizes, overlaps and contact parameters"
-            )
+        self._require_stable_bodies()
         # The motors' torques and the hand's force are means over each block.
         means, sensed = self._means(0, count, BLOCK), self._joints + HAND_FORCE
         steps = Steps(
@@ -329,6 +316,19 @@ class World:
     def true_gravity_torque(self) -> Array:
         """Compute the torques (7,), N m, that hold the true arm up now, at rest."""
         return self.data().qfrc_bias[self._v].copy()
+
+    def _require_stable_bodies(self) -> None:
+        """Require plausible speeds of free bodies. Raises ExecutionAborted: one is too fast; the message names it."""
+        # An object that falls from the table may be fast downwards, and nothing else is so fast.
+        speeds = self._data.qvel[self._free]
+        speeds[:, 2] = speeds[:, 2].clip(min=0.0)
+        sizes = np.linalg.norm(speeds, axis=1)
+        if sizes.max(initial=0.0) > RUNAWAY:
+            body = self.model.body(self._free_bodies[int(sizes.argmax())]).name
+            raise ExecutionAborted(
+                f"the simulated world became unstable at {self.t:.2f} s of robot time: '{body}' is faster than "
+                f"{RUNAWAY:g} m/s; check masses, sizes, overlaps and contact parameters"
+            )
 
     def true_hand_weight(self) -> Array:
         """Compute the wrench (6,) of a six-axis sensor now, at rest and with an empty hand, in its axes."""

@@ -92,7 +92,7 @@ class Rests:
         self._model, self._pose, self._period = sticking, pose, period
         self._force, self._own = streams.run("sticking.force"), streams.run("sticking.torque")
         self._places = streams.run("pose.repeatability")
-        self.torque = self._goal = np.zeros_like(sticking.torque.size)
+        self.torque, self._goal = np.zeros((2, *sticking.torque.size.shape))
         self.pose_error = pose.repeatability.draw(self._places)
         self._place = self.pose_error.copy()
         self._resting, self._moved = False, math.inf
