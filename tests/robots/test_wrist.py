@@ -213,3 +213,4 @@ def test_a_mass_is_read_from_the_sensor_while_the_ur5e_moves() -> None:
     true = run.truth[pp.Parameter("bottle", "mass")][0]
     assert abs(float(value) - true) < float(std)
     assert run["bottle.mass"].verdict == "identified"
+    assert "force/torque sensor" in run["bottle.mass"].method

@@ -53,7 +53,7 @@ from palpate.estimation.regression import (
     whitened_model,
 )
 from palpate.estimation.segments import Weighing
-from palpate.estimation.sensed_load import SensedGrasps, fit_sensed_grasps
+from palpate.estimation.sensed_load import SENSOR_GAIN, SensedGrasps, fit_sensed_grasps
 from palpate.estimation.wrench_observation import (
     CROSSTALK,
     GAIN,
@@ -232,6 +232,11 @@ class FittedLoad:
     def freedom(self) -> float:
         """Degrees of freedom of the noise."""
         return self.posterior.freedom
+
+    @property
+    def has_sensor(self) -> bool:
+        """True if the readings of a six-axis sensor are a part of the fit."""
+        return any(shared.cause == SENSOR_GAIN for shared in self.shared)
 
     @property
     def force(self) -> float:
@@ -464,7 +469,7 @@ def _with_sensor(whole: WholeLoad, sensed: SensedGrasps) -> WholeLoad:
     both = whole.covariance + sensed.covariance
     gain = np.linalg.solve(both, whole.covariance).T
     rest = np.eye(len(gain)) - gain
-    own = Shared("gain of the wrench sensor", "arm", tuple((gain @ sensed.gain).tolist()))
+    own = Shared(SENSOR_GAIN, "arm", tuple((gain @ sensed.gain).tolist()))
     return replace(
         whole,
         value=whole.value + gain @ (sensed.value - whole.value),

@@ -85,7 +85,7 @@ ZERO_SHARE = 0.05
 """Fraction of the weight (1 sigma) by which the zero may differ with and without the load. Not sensitive."""
 ZERO_LEAST = 0.1
 """N (1 sigma): the same for a load without weight. Not sensitive."""
-LOAD, HAND, ZERO = "load", "hand", "zero"
+LOAD, HAND, ZERO, SENSOR_GAIN = "load", "hand", "zero", "gain of the wrench sensor"
 """Names of causes."""
 
 
@@ -220,8 +220,8 @@ def _sensor_causes(
     body = np.dstack([*picks.values()]) @ about
     wrench = np.einsum("kip,kp->ki", seen.columns, body)
     # One gain of all axes, and the response of each axis to each other one.
-    label = ("gain of the wrench sensor",)
-    yield Cause.build(GAIN, _by_axis(wrench[:, :, None], scale), sensor.gain, "arm", label)
+    shown = _by_axis(wrench[:, :, None], scale)
+    yield Cause.build(GAIN, shown, sensor.gain, "arm", (SENSOR_GAIN,))
     unit = np.repeat([1.0, MOMENT_LEVER], 3)
     crossed = unit[:, None] * response_columns(wrench / unit)
     labels = tuple(

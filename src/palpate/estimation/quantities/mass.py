@@ -49,9 +49,10 @@ ROUND = 8.0
 MOST_CYCLES = 4
 """Largest number of cycles in one tree; a further round reduces the remaining noise."""
 WHOLE = (
-    " Fitted together with 15 s of motion in free air before and after it: noise alone accounts for the residuals "
-    "of a model of the arm's links, sensors and friction there."
+    " Mean with a fit to 15 s of motion in free air before and after it, weighted by the variances: noise alone "
+    "accounts for the residuals of a model of the arm's links, sensors and friction there."
 )
+SENSED = " The fit has the readings of the force/torque sensor at the wrist, too."
 
 
 class Mass(Quantity):
@@ -196,7 +197,7 @@ def _contrast(trace: Trace, parameter: Parameter, by_all_motion: bool) -> Estima
     weight = weigh(trace, recording, by_all_motion)
     method = contrast_method([one for found in weight.weighings for one in found.segments])
     if weight.whole is not None:
-        method += WHOLE
+        method += WHOLE + SENSED * weight.whole.has_sensor
     return Estimate.normal(
         parameter,
         UNIT,
